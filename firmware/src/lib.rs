@@ -1,0 +1,2 @@
+//! The safety microcontroller.
+#![no_std]

@@ -1,0 +1,2 @@
+//! The command `nearfield`.
+fn main() {}

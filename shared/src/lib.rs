@@ -1,0 +1,33 @@
+//! Geometry, wire formats, limits and decisions shared by the safety microcontroller and the host.
+//!
+//! Nothing here allocates, does I/O, reads a clock or can panic: time and state come in as arguments, results go out
+//! as values. The same code runs on the microcontroller, in the host and in the tests.
+//!
+//! A guided tour, in the order in which a line-scan is used:
+//!
+//! | module | what it answers |
+//! |---|---|
+//! | [`units`] | what is measured in which unit (millimetres, rows, microseconds ...) |
+//! | [`camera`], [`laser`] | where does a pixel look, where is the sheet of laser light (exact, f64) |
+//! | [`rig`] | the whole calibrated rig, its checks and its compact stored form |
+//! | [`columns`] | one projective map per image column: row to height and place (f32, one division) |
+//! | [`linescan`], [`status`] | the two wire formats, host to MCU and back |
+//! | [`cutoff`] | tier 1: where is the stripe cut, how long is the longest gap |
+//! | [`height`] | tier 2: how high is what lifts the stripe, and is there a drop |
+//! | [`action`] | what the robot should do about an object of a known category and size |
+//! | [`limits`] | every limit with its unit, source and reason |
+//!
+//! # Frames of reference
+//!
+//! World: origin on the floor at the robot's edge, x along the edge (along the stripe), y outward, z up; millimetres.
+//! Camera: `x_cam = R x_world + t`, OpenCV's pixel convention (u right, v down, an integer is a pixel's centre).
+//! Stripe coordinate s: `X(s) = point + s * direction` on the floor. A laser ray is named by the s at which it would
+//! meet the floor if nothing were in its way, so a raised point's s is that of its ray.
+#![cfg_attr(not(test), no_std)]
+
+pub mod camera;
+pub mod laser;
+pub mod limits;
+pub mod rig;
+pub mod units;
+pub mod wire;
