@@ -127,8 +127,8 @@ mod tests {
             let pixel = camera.project(lit).unwrap();
             let general = laser.triangulate(&camera, pixel).unwrap().z;
             let paper = PaperGeometry { laser_height, camera_height, distance, focal_length: 1800.0 };
-            // Rows grow downwards, so the nadir lies below the centre by f * tan(90 deg - tilt below the horizon).
-            let nadir = 1800.0 * (core::f64::consts::FRAC_PI_2 - tilt).tan();
+            // The optical axis leaves the vertical by `tilt`, and rows grow towards the robot.
+            let nadir = 1800.0 * tilt.tan();
             let closed = paper.height(nadir, pixel.v - 647.5).unwrap();
             prop_assert!((closed - height).abs() < 1e-6, "closed {closed}, true {height}");
             prop_assert!((closed - general).abs() < 1e-6, "closed {closed}, general {general}");
