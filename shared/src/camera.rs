@@ -223,7 +223,10 @@ pub(crate) mod tests {
     #[test]
     fn the_camera_stands_where_its_pose_says() {
         let centre = tilted_camera().pose.centre();
-        assert!((centre.z - 400.0).abs() < 1e-9 && centre.x.abs() < 1e-9 && centre.y.abs() < 1e-9, "{centre:?}");
+        assert!(
+            (centre.z - 400.0).abs() < 1e-9 && centre.x.abs() < 1e-9 && centre.y.abs() < 1e-9,
+            "{centre:?}"
+        );
     }
 
     #[test]

@@ -98,15 +98,11 @@ mod tests {
 
     fn paper_rig(camera_height: f64, laser_height: f64, distance: f64, tilt: f64) -> (Camera, Laser) {
         let (sine, cosine) = tilt.sin_cos();
-        let rotation = [
-            Vector::new(1.0, 0.0, 0.0),
-            Vector::new(0.0, -cosine, -sine),
-            Vector::new(0.0, sine, -cosine),
-        ];
+        let rotation =
+            [Vector::new(1.0, 0.0, 0.0), Vector::new(0.0, -cosine, -sine), Vector::new(0.0, sine, -cosine)];
         let centre = Vector::new(0.0, 0.0, camera_height);
         let turned = Pose { rotation, translation: Vector::default() }.to_camera(centre);
-        let intrinsics =
-            Intrinsics { fx: 1800.0, fy: 1800.0, cx: 1151.5, cy: 647.5, distortion: [0.0; 5] };
+        let intrinsics = Intrinsics { fx: 1800.0, fy: 1800.0, cx: 1151.5, cy: 647.5, distortion: [0.0; 5] };
         let camera = Camera { intrinsics, pose: Pose { rotation, translation: turned.scaled(-1.0) } };
         let length = (laser_height * laser_height + distance * distance).sqrt();
         let normal = Vector::new(0.0, laser_height / length, distance / length);
@@ -154,7 +150,12 @@ mod tests {
 
     #[test]
     fn the_paper_formula_refuses_a_level_line_of_sight() {
-        let paper = PaperGeometry { laser_height: 200.0, camera_height: 400.0, distance: 500.0, focal_length: 1000.0 };
+        let paper = PaperGeometry {
+            laser_height: 200.0,
+            camera_height: 400.0,
+            distance: 500.0,
+            focal_length: 1000.0,
+        };
         assert_eq!(paper.height(1000.0, -1000.0), None);
     }
 }

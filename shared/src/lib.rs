@@ -26,8 +26,11 @@
 #![cfg_attr(not(test), no_std)]
 
 pub mod camera;
+pub mod columns;
 pub mod laser;
 pub mod limits;
 pub mod rig;
+#[cfg(test)]
+pub(crate) mod testing;
 pub mod units;
 pub mod wire;

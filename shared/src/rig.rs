@@ -8,8 +8,8 @@
 use crate::camera::{Camera, Intrinsics, Pose, Vector};
 use crate::laser::Laser;
 use crate::limits::{
-    DISTORTION_LIMIT, FARTHEST_COORDINATE_MM, INCIDENCE_TOLERANCE_MM, LARGEST_IMAGE_HEIGHT, LARGEST_IMAGE_WIDTH,
-    LOWEST_MOUNT_MM, SHORTEST_STRIPE_MM, UNIT_TOLERANCE,
+    DISTORTION_LIMIT, FARTHEST_COORDINATE_MM, INCIDENCE_TOLERANCE_MM, LARGEST_IMAGE_HEIGHT,
+    LARGEST_IMAGE_WIDTH, LOWEST_MOUNT_MM, SHORTEST_STRIPE_MM, UNIT_TOLERANCE,
 };
 use crate::units::{CalibrationId, narrow};
 use crate::wire::{self, Reader, Writer};
@@ -84,7 +84,9 @@ impl core::fmt::Display for CompactRigError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::NotARig => f.write_str("no stored rig"),
-            Self::Version(version) => write!(f, "stored rig has version {version}, expected {COMPACT_VERSION}"),
+            Self::Version(version) => {
+                write!(f, "stored rig has version {version}, expected {COMPACT_VERSION}")
+            }
             Self::Damaged => f.write_str("stored rig is damaged (CRC)"),
             Self::Invalid(error) => write!(f, "stored rig is invalid: {error}"),
         }
@@ -211,7 +213,8 @@ impl Rig {
     }
 
     fn check_view(&self) -> Result<(), RigError> {
-        const UNSEEN: &str = "the camera does not see this end of the stripe; check pose, lens and the picture's size";
+        const UNSEEN: &str =
+            "the camera does not see this end of the stripe; check pose, lens and the picture's size";
         for (s, field) in [(self.stripe.start, "stripe.start_mm"), (self.stripe.end, "stripe.end_mm")] {
             let pixel = self.camera.project(self.stripe.at(s)).ok_or(RigError { field, rule: UNSEEN })?;
             // One pixel of grace: "usable stretch" as tools write it is rounded to the nearest millimetre or so.
@@ -245,8 +248,10 @@ fn read_parts(reader: &mut Reader<'_>) -> Option<(ImageSize, Camera, Laser, Stri
     }
     let rotation = [read_vector(reader)?, read_vector(reader)?, read_vector(reader)?];
     let translation = read_vector(reader)?;
-    let camera =
-        Camera { intrinsics: Intrinsics { fx, fy, cx, cy, distortion }, pose: Pose { rotation, translation } };
+    let camera = Camera {
+        intrinsics: Intrinsics { fx, fy, cx, cy, distortion },
+        pose: Pose { rotation, translation },
+    };
     let (origin, normal) = (read_vector(reader)?, read_vector(reader)?);
     let laser = Laser { origin, normal, offset: reader.f64_from_f32()? };
     let (point, direction) = (read_vector(reader)?, read_vector(reader)?);
@@ -277,7 +282,11 @@ fn check_intrinsics(lens: &Intrinsics) -> Result<(), RigError> {
     }
     for value in lens.distortion {
         ensure(value.is_finite(), "camera.distortion", NOT_FINITE)?;
-        ensure(value.abs() <= DISTORTION_LIMIT, "camera.distortion", "a coefficient is beyond 2 in magnitude")?;
+        ensure(
+            value.abs() <= DISTORTION_LIMIT,
+            "camera.distortion",
+            "a coefficient is beyond 2 in magnitude",
+        )?;
     }
     Ok(())
 }
@@ -339,7 +348,11 @@ fn check_stripe(stripe: &Stripe, laser: &Laser) -> Result<(), RigError> {
     )?;
     for (s, field) in [(stripe.start, "stripe.start_mm"), (stripe.end, "stripe.end_mm")] {
         let point = stripe.at(s);
-        ensure(point.z.abs() <= INCIDENCE_TOLERANCE_MM, field, "this end of the stripe is not on the floor (z = 0)")?;
+        ensure(
+            point.z.abs() <= INCIDENCE_TOLERANCE_MM,
+            field,
+            "this end of the stripe is not on the floor (z = 0)",
+        )?;
         ensure(
             (laser.normal.dot(point) - laser.offset).abs() <= INCIDENCE_TOLERANCE_MM,
             field,

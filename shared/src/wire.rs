@@ -172,6 +172,9 @@ mod tests {
         writer.u8(3);
         assert_eq!(bytes, [1, 2, 3]);
         let mut reader = Reader::new(&bytes);
-        assert_eq!((reader.u32(), reader.u16(), reader.u16(), reader.u8()), (None, Some(0x0201), None, Some(3)));
+        assert_eq!(
+            (reader.u32(), reader.u16(), reader.u16(), reader.u8()),
+            (None, Some(0x0201), None, Some(3))
+        );
     }
 }

@@ -1,0 +1,590 @@
+//! One projective map per column: row of the stripe to height and place, with one division and no trigonometry.
+//!
+//! For one image column of an undistorted camera the line of sight sweeps a plane as the row changes; that plane
+//! meets the sheet of light in a straight line, and row to position on that line is projective. Measured from the row
+//! at which the column sees the lit floor, `t = row - floor_row`:
+//!
+//! ```text
+//! height      = height_per_row * t / (1 + perspective_per_row * t)
+//! along-place = floor_place + place_per_row * t / (1 + perspective_per_row * t)
+//! ```
+//!
+//! so the floor's height is exactly zero. Lens distortion bends a column slightly; the coefficients are fitted to the
+//! exact model ([`crate::laser::Laser::triangulate`]) from 30 mm below to 200 mm above the floor, and the tests bound
+//! what is left (0.1 mm). The maps are filled once, at start, in f64; using them is f32.
+
+use crate::camera::{Pixel, Vector};
+use crate::limits::{AVERAGING_WINDOW, DEEPEST_MAPPED, HIGHEST_MAPPED, LARGEST_COLUMN_COUNT};
+use crate::rig::Rig;
+use crate::units::{Millimetres, narrow};
+use num_traits::ToPrimitive as _;
+
+/// How image columns become line-scan columns: `image_columns` neighbours are one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Decimation {
+    image_columns: u16,
+    count: u16,
+}
+
+impl Decimation {
+    /// The line-scan's decimation: as few image columns to one as fit [`LARGEST_COLUMN_COUNT`].
+    #[must_use]
+    pub fn for_line_scan(image_width: u16) -> Self {
+        let most = u16::try_from(LARGEST_COLUMN_COUNT).unwrap_or(u16::MAX);
+        let image_columns = image_width.div_ceil(most).max(1);
+        Self { image_columns, count: image_width.checked_div(image_columns).unwrap_or(0) }
+    }
+
+    /// No decimation: every image column by itself (the host's full-frame analysis).
+    #[must_use]
+    pub const fn none(image_width: u16) -> Self {
+        Self { image_columns: 1, count: image_width }
+    }
+
+    /// Image columns in one.
+    #[must_use]
+    pub const fn image_columns(self) -> u16 {
+        self.image_columns
+    }
+
+    /// Columns that result.
+    #[must_use]
+    pub const fn count(self) -> u16 {
+        self.count
+    }
+
+    /// The image coordinate u of a column's centre.
+    #[must_use]
+    pub fn centre(self, column: u16) -> f64 {
+        f64::from(self.image_columns) * (f64::from(column) + 0.5) - 0.5
+    }
+}
+
+/// The projective map of one column; see the module's documentation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ColumnMap {
+    /// Row at which this column sees the stripe on the floor, pixels.
+    pub floor_row: f32,
+    /// Stripe coordinate s of that floor point, millimetres.
+    pub floor_place: f32,
+    /// Height per row at the floor, millimetres per pixel; its sign says whether raised points move up or down.
+    pub height_per_row: f32,
+    /// Place along the stripe per row at the floor, millimetres per pixel.
+    pub place_per_row: f32,
+    /// Perspective term, 1 per pixel.
+    pub perspective_per_row: f32,
+}
+
+/// Beyond this the map has left the half-plane in front of camera and sheet.
+const SMALLEST_DENOMINATOR: f32 = 0.05;
+
+impl ColumnMap {
+    const UNMAPPED: Self = Self {
+        floor_row: f32::NAN,
+        floor_place: f32::NAN,
+        height_per_row: f32::NAN,
+        place_per_row: f32::NAN,
+        perspective_per_row: f32::NAN,
+    };
+
+    /// Height over the floor of a stripe seen at `row`, millimetres; NaN where there is none (no stripe, horizon).
+    /// NaN fails every comparison, so "unknown" can never pass for floor.
+    #[must_use]
+    #[inline]
+    pub fn height(&self, row: f32) -> f32 {
+        let rows = row - self.floor_row;
+        let denominator = 1.0 + self.perspective_per_row * rows;
+        if denominator > SMALLEST_DENOMINATOR { self.height_per_row * rows / denominator } else { f32::NAN }
+    }
+
+    /// The row at which a point of this height appears, pixels: the inverse of [`Self::height`]; NaN where none.
+    #[must_use]
+    pub fn row(&self, height: f32) -> f32 {
+        let slope = self.height_per_row - self.perspective_per_row * height;
+        let rows = height / slope;
+        let denominator = 1.0 + self.perspective_per_row * rows;
+        if denominator > SMALLEST_DENOMINATOR { self.floor_row + rows } else { f32::NAN }
+    }
+
+    /// Where along the stripe's direction the lit point itself lies, millimetres; NaN where there is none.
+    fn along(&self, row: f32) -> f32 {
+        let rows = row - self.floor_row;
+        let denominator = 1.0 + self.perspective_per_row * rows;
+        if denominator > SMALLEST_DENOMINATOR {
+            self.floor_place + self.place_per_row * rows / denominator
+        } else {
+            f32::NAN
+        }
+    }
+}
+
+/// Why no column maps can be made from a rig.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum GeometryError {
+    /// The stripe runs along the image columns (or folds back), so that columns do not resolve it.
+    StripeAlongColumns,
+    /// More columns than there is room for.
+    TooManyColumns,
+    /// Fewer than three columns see the stripe.
+    TooFewColumns,
+    /// In some column height and row do not go together: camera (almost) within the laser's sheet.
+    NoParallax,
+}
+
+impl core::fmt::Display for GeometryError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::StripeAlongColumns => {
+                "the stripe runs along the picture's columns; turn the camera so that it crosses them"
+            }
+            Self::TooManyColumns => "the picture has more columns than this analysis has room for",
+            Self::TooFewColumns => "fewer than three columns see the stripe; check stripe.start_mm and stripe.end_mm",
+            Self::NoParallax => {
+                "heights cannot be told apart: the camera lies in, or looks along, the laser's sheet; separate camera and laser in height"
+            }
+        })
+    }
+}
+
+impl core::error::Error for GeometryError {}
+
+/// The maps of all columns that watch the stripe, and what the running average needs.
+///
+/// `N` is the room for columns: [`LARGEST_COLUMN_COUNT`] on the MCU, the image's width on the host. About 21 bytes a
+/// column; keep it in a static or a box.
+#[derive(Debug, Clone)]
+pub struct StripeGeometry<const N: usize> {
+    maps: [ColumnMap; N],
+    reach: [u8; N],
+    first: usize,
+    last: usize,
+    count: usize,
+    laser_height: f32,
+    laser_place: f32,
+}
+
+/// A range of heights over the floor to fit a map for, millimetres.
+#[derive(Clone, Copy, PartialEq)]
+struct HeightRange {
+    low: f64,
+    high: f64,
+}
+
+impl HeightRange {
+    /// All that is ever mapped.
+    fn full() -> Self {
+        Self { low: f64::from(DEEPEST_MAPPED.get()), high: f64::from(HIGHEST_MAPPED.get()) }
+    }
+
+    /// The part of it that a column with this (first) map shows in a picture of `rows` rows: where a lens is fitted
+    /// beyond the picture's edge, its strongest distortion would spoil what the picture does show.
+    fn within_picture(self, map: &ColumnMap, rows: u16) -> Self {
+        let edges = (f64::from(map.height(-0.5)), f64::from(map.height(f32::from(rows) - 0.5)));
+        let mut visible = self;
+        for edge in [edges.0, edges.1] {
+            if edge > 1.0 {
+                visible.high = visible.high.min(edge);
+            } else if edge < -1.0 {
+                visible.low = visible.low.max(edge);
+            }
+        }
+        visible
+    }
+
+    /// Heights to fit at; the floor itself is exact by construction.
+    fn samples(self) -> [f64; 4] {
+        [self.low, 0.3 * self.high, 0.65 * self.high, self.high]
+    }
+}
+
+/// Newton-like steps to find the point of a given height that a column sees.
+const SOLVE_STEPS: u32 = 12;
+/// Good enough, pixels: far below the line-scan's sixteenth.
+const SOLVE_TOLERANCE: f64 = 1e-7;
+/// A stripe that moves by less than this many image columns a millimetre is not resolved.
+const LEAST_COLUMNS_PER_MM: f64 = 0.02;
+
+/// Points of the laser's sheet by place along the stripe's direction and height.
+struct Sheet<'a> {
+    rig: &'a Rig,
+    rise: Vector,
+}
+
+impl<'a> Sheet<'a> {
+    fn new(rig: &'a Rig) -> Option<Self> {
+        let across = rig.laser().normal.cross(rig.stripe().direction);
+        let rise = across.scaled(1.0 / across.z);
+        rise.is_finite().then_some(Self { rig, rise })
+    }
+
+    fn pixel(&self, place: f64, height: f64) -> Option<Pixel> {
+        self.rig.camera().project(self.rig.stripe().at(place).plus(self.rise.scaled(height)))
+    }
+
+    /// Place and row of the point at `height` that appears in image column `u`; secant steps from `guess`.
+    fn solve(&self, u: f64, height: f64, guess: f64) -> Option<(f64, f64)> {
+        let mut place = guess;
+        let mut pixel = self.pixel(place, height)?;
+        let probe = self.pixel(place + 1.0, height)?;
+        let mut slope = probe.u - pixel.u;
+        for _ in 0..SOLVE_STEPS {
+            if slope.abs() < LEAST_COLUMNS_PER_MM {
+                return None;
+            }
+            let next = place + (u - pixel.u) / slope;
+            let next_pixel = self.pixel(next, height)?;
+            if (next_pixel.u - u).abs() <= SOLVE_TOLERANCE {
+                return Some((next, next_pixel.v));
+            }
+            slope = (next_pixel.u - pixel.u) / (next - place);
+            (place, pixel) = (next, next_pixel);
+        }
+        None
+    }
+}
+
+impl<const N: usize> StripeGeometry<N> {
+    /// Room without maps: no column watches anything. Call [`Self::fill`] before use.
+    #[must_use]
+    pub const fn empty() -> Self {
+        Self {
+            maps: [ColumnMap::UNMAPPED; N],
+            reach: [0; N],
+            first: 0,
+            last: 0,
+            count: 0,
+            laser_height: f32::NAN,
+            laser_place: f32::NAN,
+        }
+    }
+
+    /// Computes the maps of every column whose floor point lies on the watched stretch of the stripe.
+    ///
+    /// # Errors
+    /// See [`GeometryError`]; after an error no column watches anything.
+    pub fn fill(&mut self, rig: &Rig, decimation: Decimation) -> Result<(), GeometryError> {
+        self.clear();
+        let count = usize::from(decimation.count());
+        if count > N {
+            return Err(GeometryError::TooManyColumns);
+        }
+        let sheet = Sheet::new(rig).ok_or(GeometryError::NoParallax)?;
+        let stripe = rig.stripe();
+        let from = sheet.pixel(stripe.start, 0.0).ok_or(GeometryError::StripeAlongColumns)?;
+        let to = sheet.pixel(stripe.end, 0.0).ok_or(GeometryError::StripeAlongColumns)?;
+        let slope = (to.u - from.u) / (stripe.end - stripe.start);
+        if slope.abs() < LEAST_COLUMNS_PER_MM {
+            return Err(GeometryError::StripeAlongColumns);
+        }
+        let result = self.fill_watched(&sheet, decimation, from.u.min(to.u), from.u.max(to.u), |u| {
+            stripe.start + (u - from.u) / slope
+        });
+        match result {
+            Ok((first, last)) if last.saturating_sub(first) >= 2 => {
+                (self.first, self.last, self.count) = (first, last, count);
+                self.laser_height = narrow(rig.laser().origin.z);
+                self.laser_place = narrow(stripe.coordinate_of(rig.laser().origin));
+                self.fill_reach();
+                Ok(())
+            }
+            Ok(_) => {
+                self.clear();
+                Err(GeometryError::TooFewColumns)
+            }
+            Err(error) => {
+                self.clear();
+                Err(error)
+            }
+        }
+    }
+
+    fn clear(&mut self) {
+        self.maps.fill(ColumnMap::UNMAPPED);
+        self.reach.fill(0);
+        (self.first, self.last, self.count) = (0, 0, 0);
+    }
+
+    fn fill_watched(
+        &mut self,
+        sheet: &Sheet<'_>,
+        decimation: Decimation,
+        lowest: f64,
+        highest: f64,
+        guess_at: impl Fn(f64) -> f64,
+    ) -> Result<(usize, usize), GeometryError> {
+        let mut watched: Option<(usize, usize)> = None;
+        let mut guesses: Option<[f64; 5]> = None;
+        let mut previous_place: Option<f64> = None;
+        let mut rising: Option<bool> = None;
+        for (index, (map, column)) in self.maps.iter_mut().zip(0..decimation.count()).enumerate() {
+            let u = decimation.centre(column);
+            if u < lowest || u > highest {
+                continue;
+            }
+            let starts = guesses.unwrap_or([guess_at(u); 5]);
+            let (rough, rough_places) = fit(sheet, u, starts, HeightRange::full())?;
+            let visible = HeightRange::full().within_picture(&rough, sheet.rig.image().height);
+            let (fitted, places) = if visible == HeightRange::full() {
+                (rough, rough_places)
+            } else {
+                fit(sheet, u, rough_places, visible)?
+            };
+            // A stripe whose place does not keep its direction from column to column folds back in the picture.
+            let [place, ..] = places;
+            if let Some(before) = previous_place {
+                let rises = place > before;
+                if rising.is_some_and(|direction| direction != rises) {
+                    return Err(GeometryError::StripeAlongColumns);
+                }
+                rising = Some(rises);
+            }
+            (*map, guesses, previous_place) = (fitted, Some(places), Some(place));
+            watched = Some((watched.map_or(index, |(first, _)| first), index));
+        }
+        watched.ok_or(GeometryError::TooFewColumns)
+    }
+
+    /// Half the running average's window in columns, changing by at most one from column to column.
+    fn fill_reach(&mut self) {
+        let half = AVERAGING_WINDOW.get() / 2.0;
+        let watched = self.watched();
+        let (maps, reaches) = (self.maps.get(watched.clone()), self.reach.get_mut(watched));
+        let (Some(maps), Some(reaches)) = (maps, reaches) else { return };
+        let mut previous: Option<u8> = None;
+        for (pair, reach) in maps.windows(2).zip(reaches.iter_mut()) {
+            let [here, next] = pair else { continue };
+            let pitch = (next.floor_place - here.floor_place).abs();
+            let wanted = (half / pitch).to_u8().unwrap_or(u8::MAX / 2).min(u8::MAX / 2);
+            let allowed = match previous {
+                Some(before) => wanted.clamp(before.saturating_sub(1), before.saturating_add(1)),
+                None => wanted,
+            };
+            *reach = allowed;
+            previous = Some(allowed);
+        }
+        if let (Some(last), Some(before)) = (reaches.last_mut(), previous) {
+            *last = before;
+        }
+    }
+
+    /// Indices of the columns that watch the stripe.
+    #[must_use]
+    pub fn watched(&self) -> core::ops::Range<usize> {
+        if self.count == 0 { 0..0 } else { self.first..self.last.saturating_add(1) }
+    }
+
+    /// Columns that the line-scan of this rig has in all, watched or not.
+    #[must_use]
+    pub const fn column_count(&self) -> usize {
+        self.count
+    }
+
+    /// Maps of the watched columns, in the order of columns.
+    #[must_use]
+    pub fn maps(&self) -> &[ColumnMap] {
+        self.maps.get(self.watched()).unwrap_or(&[])
+    }
+
+    /// Half the running average's window in columns, for each watched column.
+    #[must_use]
+    pub fn reaches(&self) -> &[u8] {
+        self.reach.get(self.watched()).unwrap_or(&[])
+    }
+
+    /// The map of one column of the line-scan, if it watches the stripe.
+    #[must_use]
+    pub fn map(&self, column: usize) -> Option<&ColumnMap> {
+        if self.watched().contains(&column) { self.maps.get(column) } else { None }
+    }
+
+    /// The stripe coordinate s of the laser ray that lights the point which `map`'s column sees at `row`. NaN where
+    /// there is none, or at or above the laser's own height (no ray comes down from there).
+    #[must_use]
+    pub fn ray_place(&self, map: &ColumnMap, row: f32) -> f32 {
+        let height = map.height(row);
+        let drop = self.laser_height - height;
+        if drop > 0.0 {
+            self.laser_place + (map.along(row) - self.laser_place) * self.laser_height / drop
+        } else {
+            f32::NAN
+        }
+    }
+
+    /// The laser's height over the floor.
+    #[must_use]
+    pub const fn laser_height(&self) -> Millimetres {
+        Millimetres::new(self.laser_height)
+    }
+}
+
+/// Fits one column's map; also returns the places found, as guesses for the next column (floor first).
+fn fit(
+    sheet: &Sheet<'_>,
+    u: f64,
+    guesses: [f64; 5],
+    range: HeightRange,
+) -> Result<(ColumnMap, [f64; 5]), GeometryError> {
+    let [floor_guess, raised_guesses @ ..] = guesses;
+    let (floor_place, floor_row) =
+        sheet.solve(u, 0.0, floor_guess).ok_or(GeometryError::StripeAlongColumns)?;
+    // Least squares of `b t - d (z t) = z` over the fitted heights: two unknowns, normal equations.
+    let (mut tt, mut tz, mut zz, mut ty, mut zy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    let mut samples = [(f64::NAN, f64::NAN); 4];
+    let mut places = [floor_place; 4];
+    for (((sample, place), height), guess) in
+        samples.iter_mut().zip(&mut places).zip(range.samples()).zip(raised_guesses)
+    {
+        // Where the lens model ends (far outside the picture) there is nothing to fit.
+        let Some((found, row)) = sheet.solve(u, height, guess) else { continue };
+        let rows = row - floor_row;
+        let weighted = -height * rows;
+        tt += rows * rows;
+        tz += rows * weighted;
+        zz += weighted * weighted;
+        ty += rows * height;
+        zy += weighted * height;
+        (*sample, *place) = ((rows, found), found);
+    }
+    let determinant = tt * zz - tz * tz;
+    let height_per_row = (ty * zz - zy * tz) / determinant;
+    let perspective_per_row = (zy * tt - ty * tz) / determinant;
+    let (mut moved, mut square) = (0.0, 0.0);
+    for (rows, place) in samples {
+        let reach = rows / (1.0 + perspective_per_row * rows);
+        if reach.is_finite() {
+            moved += reach * (place - floor_place);
+            square += reach * reach;
+        }
+    }
+    let place_per_row = moved / square;
+    let usable = height_per_row.is_finite() && height_per_row != 0.0 && place_per_row.is_finite();
+    if !usable {
+        return Err(GeometryError::NoParallax);
+    }
+    let map = ColumnMap {
+        floor_row: narrow(floor_row),
+        floor_place: narrow(floor_place),
+        height_per_row: narrow(height_per_row),
+        place_per_row: narrow(place_per_row),
+        perspective_per_row: narrow(perspective_per_row),
+    };
+    let [first, second, third, fourth] = places;
+    Ok((map, [floor_place, first, second, third, fourth]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{height_rig, rig_of, side_rig};
+
+    fn filled(rig: &Rig) -> Box<StripeGeometry<LARGEST_COLUMN_COUNT>> {
+        let mut geometry = Box::new(StripeGeometry::empty());
+        geometry.fill(rig, Decimation::for_line_scan(rig.image().width)).unwrap();
+        geometry
+    }
+
+    #[test]
+    fn decimation_takes_as_few_image_columns_as_fit() {
+        for (width, image_columns, count) in
+            [(1151, 1, 1151), (1152, 1, 1152), (1153, 2, 576), (2304, 2, 1152), (4608, 4, 1152)]
+        {
+            let decimation = Decimation::for_line_scan(width);
+            assert_eq!((decimation.image_columns(), decimation.count()), (image_columns, count), "{width}");
+        }
+        assert_eq!(Decimation::for_line_scan(2304).centre(0), 0.5);
+        assert_eq!(Decimation::none(2304).centre(7), 7.0);
+    }
+
+    #[test]
+    fn maps_agree_with_exact_triangulation_from_the_floor_to_200_mm() {
+        for rig in [height_rig(), side_rig()] {
+            let geometry = filled(&rig);
+            let decimation = Decimation::for_line_scan(rig.image().width);
+            let (mut worst_height, mut worst_place) = (0.0_f64, 0.0_f64);
+            for column in geometry.watched() {
+                let map = geometry.map(column).unwrap();
+                for millimetres in (-20..=200).step_by(5) {
+                    let row = map.row(millimetres as f32);
+                    if !(0.0..=f32::from(rig.image().height)).contains(&row) {
+                        continue;
+                    }
+                    let pixel = Pixel { u: decimation.centre(column as u16), v: f64::from(row) };
+                    let exact = rig.laser().triangulate(rig.camera(), pixel).unwrap();
+                    worst_height = worst_height.max((exact.z - f64::from(map.height(row))).abs());
+                    if exact.z <= 100.0 {
+                        let shadow = rig.stripe().coordinate_of(rig.laser().shadow_on_floor(exact).unwrap());
+                        worst_place =
+                            worst_place.max((shadow - f64::from(geometry.ray_place(map, row))).abs());
+                    }
+                }
+            }
+            assert!(worst_height < 0.1, "height {worst_height}");
+            assert!(worst_place < 1.0, "place {worst_place}");
+        }
+    }
+
+    #[test]
+    fn every_millimetre_of_the_stripe_is_watched() {
+        let rig = side_rig();
+        let geometry = filled(&rig);
+        let maps = geometry.maps();
+        assert!((maps.first().unwrap().floor_place + 500.0).abs() < 1.0);
+        assert!((maps.last().unwrap().floor_place - 560.0).abs() < 2.1);
+        let widest =
+            maps.windows(2).map(|pair| pair[1].floor_place - pair[0].floor_place).fold(0.0, f32::max);
+        assert!((1.9..2.2).contains(&widest), "far end: {widest} mm a column");
+        assert_eq!((*geometry.reaches().first().unwrap(), *geometry.reaches().last().unwrap()), (3, 1));
+    }
+
+    #[test]
+    fn a_row_without_meaning_has_no_height() {
+        let geometry = filled(&height_rig());
+        let map = geometry.maps()[500];
+        assert_eq!(map.height(map.floor_row), 0.0);
+        for row in [f32::NAN, f32::INFINITY, map.floor_row - 1.0 / map.perspective_per_row] {
+            assert!(map.height(row).is_nan(), "{row}");
+        }
+        assert!((map.height(map.row(77.0)) - 77.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn useless_geometry_is_refused_and_leaves_nothing_watched() {
+        let mut geometry = Box::new(StripeGeometry::<LARGEST_COLUMN_COUNT>::empty());
+        let within = rig_of(
+            Vector::new(0.0, 0.0, 200.0),
+            0.0,
+            30.0,
+            900.0,
+            (1152, 648),
+            Vector::new(0.0, 0.0, 200.0),
+            (-200.0, 200.0),
+        )
+        .unwrap();
+        assert_eq!(geometry.fill(&within, Decimation::none(1152)), Err(GeometryError::NoParallax));
+        assert_eq!(geometry.maps().len(), 0);
+        let along = rig_of(
+            Vector::new(-400.0, 500.0, 400.0),
+            90.0,
+            45.0,
+            900.0,
+            (1152, 648),
+            Vector::new(0.0, 0.0, 200.0),
+            (-100.0, 100.0),
+        )
+        .unwrap();
+        assert_eq!(geometry.fill(&along, Decimation::none(1152)), Err(GeometryError::StripeAlongColumns));
+        let wide = height_rig();
+        assert_eq!(geometry.fill(&wide, Decimation::none(2304)), Err(GeometryError::TooManyColumns));
+        let short = rig_of(
+            Vector::new(0.0, 0.0, 400.0),
+            0.0,
+            50.0,
+            30.0,
+            (32, 24),
+            Vector::new(0.0, 0.0, 200.0),
+            (-12.0, 12.0),
+        )
+        .unwrap();
+        assert_eq!(geometry.fill(&short, Decimation::none(32)), Err(GeometryError::TooFewColumns));
+    }
+}
