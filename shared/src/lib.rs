@@ -11,9 +11,10 @@
 //! | [`camera`], [`laser`] | where does a pixel look, where is the sheet of laser light (exact, f64) |
 //! | [`rig`] | the whole calibrated rig, its checks and its compact stored form |
 //! | [`columns`] | one projective map per image column: row to height and place (f32, one division) |
-//! | [`linescan`], [`status`] | the two wire formats, host to MCU and back |
+//! | [`wire`], [`linescan`], [`status`] | the two wire formats, host to MCU and back |
 //! | [`cutoff`] | tier 1: where is the stripe cut, how long is the longest gap |
 //! | [`height`] | tier 2: how high is what lifts the stripe, and is there a drop |
+//! | [`monitor`] | both tiers together over one rig, with their votes |
 //! | [`action`] | what the robot should do about an object of a known category and size |
 //! | [`limits`] | every limit with its unit, source and reason |
 //!
@@ -27,8 +28,11 @@
 
 pub mod camera;
 pub mod columns;
+pub mod cutoff;
+pub mod height;
 pub mod laser;
 pub mod limits;
+pub mod monitor;
 pub mod rig;
 #[cfg(test)]
 pub(crate) mod testing;

@@ -52,24 +52,16 @@ impl Millimetres {
         Self(self.0.abs())
     }
 
-    /// The larger of the two; the other one where one is NaN.
+    /// Sum.
     #[must_use]
-    pub fn max(self, other: Self) -> Self {
-        if self.0 > other.0 || other.0.is_nan() { self } else { other }
-    }
-}
-
-impl core::ops::Sub for Millimetres {
-    type Output = Self;
-    fn sub(self, other: Self) -> Self {
-        Self(self.0 - other.0)
-    }
-}
-
-impl core::ops::Add for Millimetres {
-    type Output = Self;
-    fn add(self, other: Self) -> Self {
+    pub fn plus(self, other: Self) -> Self {
         Self(self.0 + other.0)
+    }
+
+    /// Difference.
+    #[must_use]
+    pub fn minus(self, other: Self) -> Self {
+        Self(self.0 - other.0)
     }
 }
 
