@@ -12,6 +12,7 @@
 //! | [`rig`] | the whole calibrated rig, its checks and its compact stored form |
 //! | [`columns`] | one projective map per image column: row to height and place (f32, one division) |
 //! | [`wire`], [`linescan`], [`status`] | the two wire formats, host to MCU and back |
+//! | [`causes`] | every reason to stop, by name |
 //! | [`cutoff`] | tier 1: where is the stripe cut, how long is the longest gap |
 //! | [`height`] | tier 2: how high is what lifts the stripe, and is there a drop |
 //! | [`monitor`] | both tiers together over one rig, with their votes |
@@ -25,15 +26,29 @@
 //! Stripe coordinate s: `X(s) = point + s * direction` on the floor. A laser ray is named by the s at which it would
 //! meet the floor if nothing were in its way, so a raised point's s is that of its ray.
 #![cfg_attr(not(test), no_std)]
+// Tests may compare exact floats, cast and index; the build without tests keeps the strict set for all other code.
+#![cfg_attr(
+    test,
+    allow(
+        clippy::as_conversions,
+        clippy::float_cmp,
+        clippy::arithmetic_side_effects,
+        clippy::indexing_slicing
+    )
+)]
 
+pub mod action;
 pub mod camera;
+pub mod causes;
 pub mod columns;
 pub mod cutoff;
 pub mod height;
 pub mod laser;
 pub mod limits;
+pub mod linescan;
 pub mod monitor;
 pub mod rig;
+pub mod status;
 #[cfg(test)]
 pub(crate) mod testing;
 pub mod units;

@@ -62,6 +62,11 @@ impl<'a> Writer<'a> {
         }
     }
 
+    /// Leaves bytes as they are.
+    pub(crate) fn skip(&mut self, length: usize) {
+        self.position = self.position.saturating_add(length);
+    }
+
     pub(crate) fn u8(&mut self, value: u8) {
         self.bytes(&[value]);
     }

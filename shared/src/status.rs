@@ -1,0 +1,527 @@
+//! The status: what the MCU answers to the host in every SPI transaction.
+//!
+//! Little-endian, always [`STATUS_LENGTH`] bytes at the beginning of the transaction:
+//!
+//! | offset | field |
+//! |---|---|
+//! | 0 | magic `NFST` |
+//! | 4 | version u16 (1) |
+//! | 6 | source id u16 |
+//! | 8 | calibration id u32 (0 = none stored) |
+//! | 12 | firmware id u32 |
+//! | 16 | number of this status u32 |
+//! | 20 | sequence number of the last accepted line-scan u32 |
+//! | 24 | MCU time, microseconds u64 |
+//! | 32 | state u8, relay command u8, relay read-back u8, reset cause u8 |
+//! | 36 | live causes u32, latched causes u32 |
+//! | 44 | longest gap, its start, its end: micrometres i32 each (length -1 = whole) |
+//! | 56 | highest point, its place: micrometres i32 each (`i32::MIN` = nothing raised) |
+//! | 64 | lowest point: micrometres i32 (`i32::MAX` = nothing below the floor) |
+//! | 68 | longest stretch without stripe: micrometres i32 |
+//! | 72 | size class u8 (0 none, 1 small, 2 large, 3 unknown), laser level u8, zero u16 |
+//! | 76 | decision age u32, longest decision age u32, response bound u32: microseconds |
+//! | 88 | line-scans accepted u32 |
+//! | 92 | line-scans refused u32, by the eight link causes in the order of their bits (timeout first) |
+//! | 124 | challenge: count u16, 8 columns u16 |
+//! | 142 | zero u16 |
+//! | 144 | CRC-32/MEF of all before |
+
+use crate::causes::StopCauses;
+use crate::cutoff::Gap;
+use crate::height::{Extreme, SizeClass};
+use crate::linescan::LARGEST_AUDIT_COUNT;
+use crate::units::{CalibrationId, Micros, Millimetres, SequenceNumber, SourceId};
+use crate::wire::{self, Reader, Writer};
+
+/// `NFST`, little-endian.
+pub const STATUS_MAGIC: u32 = 0x5453_464E;
+/// Version of the format.
+pub const STATUS_VERSION: u16 = 1;
+/// Length of every status in bytes.
+pub const STATUS_LENGTH: usize = 148;
+/// Kinds of refused line-scans that are counted apart.
+pub const REFUSAL_KINDS: usize = 8;
+
+/// The supervisor's state on the wire. The codes differ in at least four bits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StateCode {
+    /// Testing itself after power-up or reset.
+    SelfTest,
+    /// All good as far as is known; waiting for the reset button.
+    Interlocked,
+    /// Relay closed.
+    Running,
+    /// Stopped by a cause that still holds or has not been reset.
+    Stopped,
+    /// A fault of the controller itself; only service or a power cycle leads out.
+    Lockout,
+}
+
+impl StateCode {
+    const ALL: [Self; 5] = [Self::SelfTest, Self::Interlocked, Self::Running, Self::Stopped, Self::Lockout];
+
+    const fn code(self) -> u8 {
+        match self {
+            Self::SelfTest => 0x0F,
+            Self::Interlocked => 0x33,
+            Self::Running => 0x55,
+            Self::Stopped => 0x69,
+            Self::Lockout => 0xF0,
+        }
+    }
+
+    /// The name that programs read.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::SelfTest => "self_test",
+            Self::Interlocked => "interlocked",
+            Self::Running => "running",
+            Self::Stopped => "stopped",
+            Self::Lockout => "lockout",
+        }
+    }
+}
+
+/// Why the MCU started.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ResetCause {
+    /// Power came on, or dipped.
+    PowerOn,
+    /// The reset pin.
+    Pin,
+    /// A watchdog.
+    Watchdog,
+    /// The program asked for it.
+    Software,
+    /// Something else, or nothing that the chip told.
+    Unknown,
+}
+
+impl ResetCause {
+    const ALL: [Self; 5] = [Self::PowerOn, Self::Pin, Self::Watchdog, Self::Software, Self::Unknown];
+
+    const fn code(self) -> u8 {
+        match self {
+            Self::PowerOn => 1,
+            Self::Pin => 2,
+            Self::Watchdog => 3,
+            Self::Software => 4,
+            Self::Unknown => 5,
+        }
+    }
+}
+
+/// Two relay channels: commanded to close, or read back as closed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Channels {
+    /// Channel A.
+    pub a: bool,
+    /// Channel B.
+    pub b: bool,
+}
+
+impl Channels {
+    /// Both open: the safe state.
+    pub const OPEN: Self = Self { a: false, b: false };
+    /// Both closed: permission to run.
+    pub const CLOSED: Self = Self { a: true, b: true };
+
+    const fn code(self) -> u8 {
+        match (self.a, self.b) {
+            (false, false) => 0,
+            (true, false) => 1,
+            (false, true) => 2,
+            (true, true) => 3,
+        }
+    }
+
+    const fn from_code(code: u8) -> Option<Self> {
+        match code {
+            0 => Some(Self::OPEN),
+            1 => Some(Self { a: true, b: false }),
+            2 => Some(Self { a: false, b: true }),
+            3 => Some(Self::CLOSED),
+            _ => None,
+        }
+    }
+}
+
+/// The columns whose raw pixels the next line-scan must carry.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Challenge {
+    /// How many of `columns` are asked for.
+    pub count: u16,
+    /// Columns of the line-scan.
+    pub columns: [u16; LARGEST_AUDIT_COUNT],
+}
+
+/// Everything that the MCU tells.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Status {
+    /// The module that sends.
+    pub source: SourceId,
+    /// The rig in use; `None` if none is stored or it was refused.
+    pub calibration: Option<CalibrationId>,
+    /// Names the firmware's build.
+    pub firmware: u32,
+    /// Counts the statuses.
+    pub number: u32,
+    /// The last accepted line-scan.
+    pub echoed_sequence: SequenceNumber,
+    /// The MCU's clock.
+    pub now: Micros,
+    /// The supervisor's state.
+    pub state: StateCode,
+    /// What the relay channels are told.
+    pub relay_command: Channels,
+    /// What their feedback contacts say: true = the channel's contacts are closed.
+    pub relay_readback: Channels,
+    /// Why the MCU started.
+    pub reset_cause: ResetCause,
+    /// Causes that hold now.
+    pub live_causes: StopCauses,
+    /// Causes that held since the last reset.
+    pub latched_causes: StopCauses,
+    /// Tier 1.
+    pub longest_gap: Option<Gap>,
+    /// Tier 2, highest point.
+    pub highest: Option<Extreme>,
+    /// Tier 2, lowest point's height.
+    pub lowest: Option<Millimetres>,
+    /// Tier 2, longest stretch without stripe.
+    pub longest_unknown: Millimetres,
+    /// Tier 2, class of what is on the stripe.
+    pub size: Option<SizeClass>,
+    /// Brightness that the laser is driven with, 255 = full.
+    pub laser_level: u8,
+    /// From the picture's exposure to the decision, for the last accepted line-scan.
+    pub decision_age: Micros,
+    /// The longest such time since start.
+    pub longest_decision_age: Micros,
+    /// The bound that such a time must keep (else [`crate::causes::StopCause::LinkDelay`]).
+    pub response_bound: Micros,
+    /// Line-scans accepted since start.
+    pub accepted: u32,
+    /// Line-scans refused (and time-outs) since start, by kind.
+    pub refused: [u32; REFUSAL_KINDS],
+    /// The audit's next columns.
+    pub challenge: Challenge,
+}
+
+/// Why a status was refused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StatusError {
+    /// Fewer than [`STATUS_LENGTH`] bytes.
+    Length,
+    /// The CRC does not match.
+    Corrupted,
+    /// Another kind of message.
+    Magic,
+    /// Another version.
+    Version,
+    /// A field has a value that the format does not allow.
+    Field,
+}
+
+impl core::fmt::Display for StatusError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::Length => "status too short",
+            Self::Corrupted => "status damaged (CRC)",
+            Self::Magic => "not a status",
+            Self::Version => "status of another version",
+            Self::Field => "status with an impossible field",
+        })
+    }
+}
+
+impl core::error::Error for StatusError {}
+
+const NOTHING_RAISED: i32 = i32::MIN;
+const NOTHING_BELOW: i32 = i32::MAX;
+const WHOLE: i32 = -1;
+
+impl Status {
+    /// The bytes to send.
+    #[must_use]
+    pub fn to_bytes(&self) -> [u8; STATUS_LENGTH] {
+        let mut bytes = [0; STATUS_LENGTH];
+        let mut writer = Writer::new(&mut bytes);
+        writer.u32(STATUS_MAGIC);
+        writer.u16(STATUS_VERSION);
+        writer.u16(self.source.get());
+        writer.u32(self.calibration.map_or(0, CalibrationId::get));
+        writer.u32(self.firmware);
+        writer.u32(self.number);
+        writer.u32(self.echoed_sequence.get());
+        writer.u64(self.now.get());
+        writer.u8(self.state.code());
+        writer.u8(self.relay_command.code());
+        writer.u8(self.relay_readback.code());
+        writer.u8(self.reset_cause.code());
+        writer.u32(self.live_causes.bits());
+        writer.u32(self.latched_causes.bits());
+        self.write_findings(&mut writer);
+        writer.u32(self.decision_age.to_wire());
+        writer.u32(self.longest_decision_age.to_wire());
+        writer.u32(self.response_bound.to_wire());
+        writer.u32(self.accepted);
+        for count in self.refused {
+            writer.u32(count);
+        }
+        writer.u16(self.challenge.count);
+        for column in self.challenge.columns {
+            writer.u16(column);
+        }
+        writer.u16(0);
+        writer.seal();
+        bytes
+    }
+
+    fn write_findings(&self, writer: &mut Writer<'_>) {
+        match self.longest_gap {
+            Some(gap) => {
+                writer.i32(gap.length().to_micrometres());
+                writer.i32(gap.start.to_micrometres());
+                writer.i32(gap.end.to_micrometres());
+            }
+            None => {
+                writer.i32(WHOLE);
+                writer.i32(0);
+                writer.i32(0);
+            }
+        }
+        writer.i32(self.highest.map_or(NOTHING_RAISED, |highest| highest.height.to_micrometres()));
+        writer.i32(self.highest.map_or(0, |highest| highest.place.to_micrometres()));
+        writer.i32(self.lowest.map_or(NOTHING_BELOW, Millimetres::to_micrometres));
+        writer.i32(self.longest_unknown.to_micrometres());
+        writer.u8(match self.size {
+            None => 0,
+            Some(SizeClass::Small) => 1,
+            Some(SizeClass::Large) => 2,
+            Some(SizeClass::Unknown) => 3,
+        });
+        writer.u8(self.laser_level);
+        writer.u16(0);
+    }
+
+    /// Reads a status from the beginning of what a transaction brought.
+    ///
+    /// # Errors
+    /// The first rule that is broken, in the order length, CRC, magic, version, fields.
+    pub fn parse(bytes: &[u8]) -> Result<Self, StatusError> {
+        let bytes = bytes.get(..STATUS_LENGTH).ok_or(StatusError::Length)?;
+        if !wire::is_sealed(bytes) {
+            return Err(StatusError::Corrupted);
+        }
+        let mut reader = Reader::new(bytes);
+        if reader.u32() != Some(STATUS_MAGIC) {
+            return Err(StatusError::Magic);
+        }
+        if reader.u16() != Some(STATUS_VERSION) {
+            return Err(StatusError::Version);
+        }
+        Self::parse_fields(&mut reader).ok_or(StatusError::Field)
+    }
+
+    fn parse_fields(reader: &mut Reader<'_>) -> Option<Self> {
+        let source = SourceId::new(reader.u16()?);
+        let calibration = match reader.u32()? {
+            0 => None,
+            id => Some(CalibrationId::new(id)),
+        };
+        let (firmware, number) = (reader.u32()?, reader.u32()?);
+        let echoed_sequence = SequenceNumber::new(reader.u32()?);
+        let now = Micros::new(reader.u64()?);
+        let state_code = reader.u8()?;
+        let state = StateCode::ALL.into_iter().find(|state| state.code() == state_code)?;
+        let relay_command = Channels::from_code(reader.u8()?)?;
+        let relay_readback = Channels::from_code(reader.u8()?)?;
+        let reset_code = reader.u8()?;
+        let reset_cause = ResetCause::ALL.into_iter().find(|cause| cause.code() == reset_code)?;
+        let live_causes = StopCauses::from_bits(reader.u32()?);
+        let latched_causes = StopCauses::from_bits(reader.u32()?);
+        let (gap_length, gap_start, gap_end) = (reader.i32()?, reader.i32()?, reader.i32()?);
+        let longest_gap = (gap_length != WHOLE).then(|| Gap {
+            start: Millimetres::from_micrometres(gap_start),
+            end: Millimetres::from_micrometres(gap_end),
+        });
+        let (high, high_place) = (reader.i32()?, reader.i32()?);
+        let highest = (high != NOTHING_RAISED).then(|| Extreme {
+            height: Millimetres::from_micrometres(high),
+            place: Millimetres::from_micrometres(high_place),
+        });
+        let low = reader.i32()?;
+        let lowest = (low != NOTHING_BELOW).then(|| Millimetres::from_micrometres(low));
+        let longest_unknown = Millimetres::from_micrometres(reader.i32()?);
+        let size = match reader.u8()? {
+            0 => None,
+            1 => Some(SizeClass::Small),
+            2 => Some(SizeClass::Large),
+            3 => Some(SizeClass::Unknown),
+            _ => return None,
+        };
+        let laser_level = reader.u8()?;
+        let first_zero = reader.u16()?;
+        let mut time = || reader.u32().map(|micros| Micros::new(u64::from(micros)));
+        let (decision_age, longest_decision_age, response_bound) = (time()?, time()?, time()?);
+        let accepted = reader.u32()?;
+        let mut refused = [0; REFUSAL_KINDS];
+        for count in &mut refused {
+            *count = reader.u32()?;
+        }
+        let mut challenge = Challenge { count: reader.u16()?, ..Challenge::default() };
+        for column in &mut challenge.columns {
+            *column = reader.u16()?;
+        }
+        if first_zero != 0 || reader.u16()? != 0 || usize::from(challenge.count) > LARGEST_AUDIT_COUNT {
+            return None;
+        }
+        Some(Self {
+            source,
+            calibration,
+            firmware,
+            number,
+            echoed_sequence,
+            now,
+            state,
+            relay_command,
+            relay_readback,
+            reset_cause,
+            live_causes,
+            latched_causes,
+            longest_gap,
+            highest,
+            lowest,
+            longest_unknown,
+            size,
+            laser_level,
+            decision_age,
+            longest_decision_age,
+            response_bound,
+            accepted,
+            refused,
+            challenge,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::causes::StopCause;
+    use proptest::prelude::*;
+
+    fn example() -> Status {
+        Status {
+            source: SourceId::new(0x0102),
+            calibration: Some(CalibrationId::new(0x0304_0506)),
+            firmware: 0x0708_090A,
+            number: 0x0B0C_0D0E,
+            echoed_sequence: SequenceNumber::new(0x0F10_1112),
+            now: Micros::new(0x1314_1516_1718_191A),
+            state: StateCode::Running,
+            relay_command: Channels::CLOSED,
+            relay_readback: Channels { a: true, b: false },
+            reset_cause: ResetCause::Watchdog,
+            live_causes: StopCauses::NONE.with(StopCause::StripeCut),
+            latched_causes: StopCauses::NONE.with(StopCause::Interlock),
+            longest_gap: Some(Gap::between(-3.0, 4.5)),
+            highest: Some(Extreme { height: Millimetres::new(52.25), place: Millimetres::new(-1.0) }),
+            lowest: Some(Millimetres::new(-6.0)),
+            longest_unknown: Millimetres::new(2.0),
+            size: Some(SizeClass::Large),
+            laser_level: 255,
+            decision_age: Micros::new(21_000),
+            longest_decision_age: Micros::new(31_000),
+            response_bound: Micros::new(60_000),
+            accepted: 7,
+            refused: [0, 1, 2, 3, 4, 5, 6, 7],
+            challenge: Challenge { count: 2, columns: [5, 6, 0, 0, 0, 0, 0, 0] },
+        }
+    }
+
+    /// Frozen: a host in the field reads exactly these bytes. Do not change the test; add a version.
+    #[test]
+    fn golden_bytes_of_version_1() {
+        #[rustfmt::skip]
+        let head = [
+            b'N', b'F', b'S', b'T', 1, 0, 0x02, 0x01, 0x06, 0x05, 0x04, 0x03, 0x0A, 0x09, 0x08, 0x07,
+            0x0E, 0x0D, 0x0C, 0x0B, 0x12, 0x11, 0x10, 0x0F, 0x1A, 0x19, 0x18, 0x17, 0x16, 0x15, 0x14, 0x13,
+            0x55, 3, 1, 3, 1, 0, 0, 0, 0, 0, 8, 0, // state .. latched causes
+            0x4C, 0x1D, 0, 0, 0x48, 0xF4, 0xFF, 0xFF, 0x94, 0x11, 0, 0, // gap 7500, -3000, 4500 um
+            0x1A, 0xCC, 0, 0, 0x18, 0xFC, 0xFF, 0xFF, 0x90, 0xE8, 0xFF, 0xFF, 0xD0, 0x07, 0, 0,
+            2, 255, 0, 0, 0x08, 0x52, 0, 0, 0x18, 0x79, 0, 0, 0x60, 0xEA, 0, 0, 7, 0, 0, 0,
+        ];
+        let bytes = example().to_bytes();
+        assert_eq!(bytes[..92], head);
+        assert_eq!(bytes[124..128], [2, 0, 5, 0]);
+        assert!(wire::is_sealed(&bytes));
+    }
+
+    #[test]
+    fn what_was_encoded_is_what_is_read() {
+        assert_eq!(Status::parse(&example().to_bytes()), Ok(example()));
+        let quiet = Status {
+            calibration: None,
+            longest_gap: None,
+            highest: None,
+            lowest: None,
+            size: None,
+            challenge: Challenge::default(),
+            ..example()
+        };
+        assert_eq!(Status::parse(&quiet.to_bytes()), Ok(quiet));
+        for state in StateCode::ALL {
+            for reset_cause in ResetCause::ALL {
+                for size in [SizeClass::Small, SizeClass::Unknown] {
+                    let status = Status { state, reset_cause, size: Some(size), ..example() };
+                    assert_eq!(Status::parse(&status.to_bytes()), Ok(status));
+                }
+            }
+        }
+        for command in [Channels::OPEN, Channels { a: false, b: true }] {
+            let status = Status { relay_command: command, ..example() };
+            assert_eq!(Status::parse(&status.to_bytes()), Ok(status));
+        }
+    }
+
+    #[test]
+    fn each_rule_has_its_error() {
+        let with = |offset: usize, value: u8| {
+            let mut bytes = example().to_bytes();
+            bytes[offset] = value;
+            Writer::new(&mut bytes).seal();
+            Status::parse(&bytes).err()
+        };
+        for length in 0..STATUS_LENGTH {
+            assert_eq!(Status::parse(&example().to_bytes()[..length]).err(), Some(StatusError::Length));
+        }
+        let mut damaged = example().to_bytes();
+        damaged[60] ^= 0x10;
+        assert_eq!(Status::parse(&damaged).err(), Some(StatusError::Corrupted));
+        assert_eq!(with(3, 0), Some(StatusError::Magic));
+        assert_eq!(with(4, 2), Some(StatusError::Version));
+        for (offset, value) in [(32, 0x54), (33, 4), (34, 4), (35, 6), (72, 4), (74, 1), (124, 9), (142, 1)] {
+            assert_eq!(with(offset, value), Some(StatusError::Field), "offset {offset}");
+        }
+        assert_eq!(with(124, 8), None);
+    }
+
+    #[test]
+    fn state_codes_are_far_apart() {
+        for one in StateCode::ALL {
+            for other in StateCode::ALL {
+                assert!(one == other || (one.code() ^ other.code()).count_ones() >= 4, "{one:?} {other:?}");
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn garbage_is_refused_and_never_panics(bytes in proptest::collection::vec(any::<u8>(), 0..256)) {
+            prop_assert!(Status::parse(&bytes).is_err());
+        }
+    }
+}
