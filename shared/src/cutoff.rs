@@ -3,7 +3,8 @@
 //! As in the paper (section 3.3): a running average of 5 mm along the stripe over "this column shows lit floor", the
 //! mean over this frame and two earlier ones, and the longest run in which less than half is lit floor. A gap is
 //! measured between the two floor columns that bound it: what lies between them is not proven to be floor, so a gap
-//! is never under-reported by the columns' pitch. Unknown is never floor.
+//! is never under-reported: with columns p apart, every cut of 5 mm and more trips, and none of 5 mm - 2 p or less does.
+//! Unknown is never floor.
 
 use crate::columns::StripeGeometry;
 use crate::limits::{FLOOR_TOLERANCE, VOTE_FRAMES};

@@ -51,5 +51,7 @@ pub mod rig;
 pub mod status;
 #[cfg(test)]
 pub(crate) mod testing;
+#[cfg(test)]
+mod tier_tests;
 pub mod units;
 pub mod wire;

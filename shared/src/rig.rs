@@ -361,3 +361,116 @@ fn check_stripe(stripe: &Stripe, laser: &Laser) -> Result<(), RigError> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{height_rig, side_rig};
+    use proptest::prelude::*;
+
+    fn with(change: impl FnOnce(&mut Rig)) -> Result<Rig, RigError> {
+        let mut rig = height_rig();
+        change(&mut rig);
+        Rig::new(rig.image, rig.camera, rig.laser, rig.stripe)
+    }
+
+    fn field(result: Result<Rig, RigError>) -> &'static str {
+        result.map_or_else(|error| error.field, |_| "accepted")
+    }
+
+    #[test]
+    fn the_compact_form_keeps_the_rig_and_its_name() {
+        for rig in [height_rig(), side_rig()] {
+            let bytes = rig.to_bytes();
+            let stored = Rig::from_bytes(&bytes).unwrap();
+            assert_eq!(stored.calibration_id(), rig.calibration_id());
+            assert_eq!(stored.to_bytes(), bytes);
+            assert!((stored.camera().pose.centre().z - rig.camera().pose.centre().z).abs() < 1e-3);
+        }
+        assert_ne!(height_rig().calibration_id(), side_rig().calibration_id());
+    }
+
+    #[test]
+    fn a_damaged_or_foreign_store_is_refused() {
+        let good = height_rig().to_bytes();
+        for length in 0..COMPACT_LENGTH {
+            assert_eq!(Rig::from_bytes(&good[..length]), Err(CompactRigError::NotARig));
+        }
+        for bit in 0..COMPACT_LENGTH * 8 {
+            let mut bad = good;
+            bad[bit / 8] ^= 1 << (bit % 8);
+            assert!(Rig::from_bytes(&bad).is_err(), "bit {bit}");
+        }
+        assert_eq!(Rig::from_bytes(&[0xFF; COMPACT_LENGTH]), Err(CompactRigError::NotARig));
+        let resealed = |offset: usize, value: &[u8]| {
+            let mut bad = good;
+            bad[offset..offset + value.len()].copy_from_slice(value);
+            Writer::new(&mut bad).seal();
+            Rig::from_bytes(&bad)
+        };
+        assert_eq!(resealed(4, &[2, 0]), Err(CompactRigError::Version(2)));
+        let not_a_number = resealed(12, &f32::NAN.to_le_bytes());
+        assert!(matches!(not_a_number, Err(CompactRigError::Invalid(RigError { field: "camera.fx", .. }))));
+    }
+
+    #[test]
+    fn each_broken_rule_names_its_field() {
+        let nan = f64::NAN;
+        assert_eq!(field(with(|rig| rig.image.width = 15)), "image.width");
+        assert_eq!(field(with(|rig| rig.image.height = 4096)), "image.height");
+        assert_eq!(field(with(|rig| rig.camera.intrinsics.fx = nan)), "camera.fx");
+        assert_eq!(field(with(|rig| rig.camera.intrinsics.fy = 0.0)), "camera.fy");
+        assert_eq!(field(with(|rig| rig.camera.intrinsics.cx = f64::INFINITY)), "camera.cx");
+        assert_eq!(field(with(|rig| rig.camera.intrinsics.cy = 10_001.0)), "camera.cy");
+        assert_eq!(field(with(|rig| rig.camera.intrinsics.distortion[3] = 2.1)), "camera.distortion");
+        assert_eq!(field(with(|rig| rig.camera.intrinsics.distortion[0] = nan)), "camera.distortion");
+        assert_eq!(field(with(|rig| rig.camera.pose.rotation[0].x = 1.01)), "camera.rotation");
+        assert_eq!(field(with(|rig| rig.camera.pose.rotation[1].y = nan)), "camera.rotation");
+        assert_eq!(
+            field(with(|rig| rig.camera.pose.rotation[0] = rig.camera.pose.rotation[0].scaled(-1.0))),
+            "camera.rotation",
+            "left-handed"
+        );
+        assert_eq!(field(with(|rig| rig.camera.pose.translation.z = nan)), "camera.translation_mm");
+        assert_eq!(
+            field(with(|rig| rig.camera.pose.translation = rig.camera.pose.translation.scaled(-1.0))),
+            "camera.translation_mm",
+            "below the floor"
+        );
+        assert_eq!(
+            field(with(|rig| rig.camera.pose.translation = rig.camera.pose.translation.scaled(100.0))),
+            "camera.translation_mm",
+            "40 m away"
+        );
+        assert_eq!(field(with(|rig| rig.laser.origin.y = nan)), "laser.origin_mm");
+        assert_eq!(field(with(|rig| rig.laser.origin.z = 9.0)), "laser.origin_mm");
+        assert_eq!(field(with(|rig| rig.laser.origin.x = 10_001.0)), "laser.origin_mm");
+        assert_eq!(
+            field(with(|rig| rig.laser.normal = rig.laser.normal.scaled(1.001))),
+            "laser.plane_normal"
+        );
+        assert_eq!(field(with(|rig| rig.laser.normal.z = nan)), "laser.plane_normal");
+        assert_eq!(field(with(|rig| rig.laser.offset += 1.5)), "laser.plane_offset_mm");
+        assert_eq!(field(with(|rig| rig.laser.offset = nan)), "laser.plane_offset_mm");
+        assert_eq!(field(with(|rig| rig.stripe.direction.x = 1.1)), "stripe.direction");
+        assert_eq!(field(with(|rig| rig.stripe.point.y = nan)), "stripe.point_mm");
+        assert_eq!(field(with(|rig| rig.stripe.point.y += 5.0)), "stripe.start_mm", "out of the sheet");
+        assert_eq!(field(with(|rig| rig.stripe.point.z += 1.1)), "stripe.start_mm", "off the floor");
+        assert_eq!(field(with(|rig| rig.stripe.start = nan)), "stripe.start_mm");
+        assert_eq!(
+            field(with(|rig| rig.stripe.end = rig.stripe.start + 19.0)),
+            "stripe.end_mm",
+            "19 mm long"
+        );
+        assert_eq!(field(with(|rig| rig.stripe.end = rig.stripe.start + 20.0)), "accepted", "20 mm long");
+        assert_eq!(field(with(|rig| rig.stripe.end = 600.0)), "stripe.end_mm", "out of the picture");
+        assert_eq!(field(with(|_| ())), "accepted");
+    }
+
+    proptest! {
+        #[test]
+        fn garbage_is_refused_and_never_panics(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+            prop_assert!(Rig::from_bytes(&bytes).is_err());
+        }
+    }
+}
