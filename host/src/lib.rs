@@ -1,1 +1,4 @@
 //! The Pi host of nearfield.
+
+pub mod capture;
+pub mod rig_file;
