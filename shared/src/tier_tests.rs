@@ -81,7 +81,7 @@ fn no_configuration_and_no_readings_are_cuts() {
     .unwrap();
     assert_eq!(monitor.configure(&rig, Decimation::none(1152)), Err(GeometryError::NoParallax));
     let blind = monitor
-        .update(core::iter::repeat(ColumnReading { row: 300.0, quality: SignalQuality::BEST }).take(1152));
+        .update(core::iter::repeat_n(ColumnReading { row: 300.0, quality: SignalQuality::BEST }, 1152));
     assert!(blind.is_cut() && blind.is_stripe_missing());
     let mut configured = self::monitor(&height_rig());
     let report = show(&mut configured, &[], 3);
@@ -244,8 +244,8 @@ fn something_high_stops_however_narrow_it_is() {
     for (height, columns, large) in [(51.0, 2, true), (51.0, 1, false), (49.0, 3, false)] {
         let mut narrow = floor.clone();
         let geometry = monitor.geometry();
-        for column in 600..600 + columns {
-            narrow[column].row = geometry.map(column).unwrap().row(height);
+        for (column, reading) in narrow.iter_mut().enumerate().skip(600).take(columns) {
+            reading.row = geometry.map(column).unwrap().row(height);
         }
         show(&mut monitor, &floor, 3);
         assert!(!show(&mut monitor, &narrow, 1).large, "one frame of three");
