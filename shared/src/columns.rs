@@ -79,12 +79,13 @@ pub struct ColumnMap {
 const SMALLEST_DENOMINATOR: f32 = 0.05;
 
 impl ColumnMap {
+    /// Never reached by a reader. All zero bits, so that a static of maps takes no room in flash.
     const UNMAPPED: Self = Self {
-        floor_row: f32::NAN,
-        floor_place: f32::NAN,
-        height_per_row: f32::NAN,
-        place_per_row: f32::NAN,
-        perspective_per_row: f32::NAN,
+        floor_row: 0.0,
+        floor_place: 0.0,
+        height_per_row: 0.0,
+        place_per_row: 0.0,
+        perspective_per_row: 0.0,
     };
 
     /// Height over the floor of a stripe seen at `row`, millimetres; NaN where there is none (no stripe, horizon).
@@ -253,8 +254,8 @@ impl<const N: usize> StripeGeometry<N> {
             first: 0,
             last: 0,
             count: 0,
-            laser_height: f32::NAN,
-            laser_place: f32::NAN,
+            laser_height: 0.0,
+            laser_place: 0.0,
         }
     }
 
@@ -298,9 +299,8 @@ impl<const N: usize> StripeGeometry<N> {
         }
     }
 
+    /// No column watches anything: what the maps still hold cannot be reached any more.
     fn clear(&mut self) {
-        self.maps.fill(ColumnMap::UNMAPPED);
-        self.reach.fill(0);
         (self.first, self.last, self.count) = (0, 0, 0);
     }
 
@@ -316,7 +316,8 @@ impl<const N: usize> StripeGeometry<N> {
         let mut guesses: Option<[f64; 5]> = None;
         let mut previous_place: Option<f64> = None;
         let mut rising: Option<bool> = None;
-        for (index, (map, column)) in self.maps.iter_mut().zip(0..decimation.count()).enumerate() {
+        for (map, column) in self.maps.iter_mut().zip(0..decimation.count()) {
+            let index = usize::from(column);
             let u = decimation.centre(column);
             if u < lowest || u > highest {
                 continue;

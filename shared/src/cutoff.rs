@@ -91,7 +91,10 @@ impl<const N: usize> CutoffDetector<N> {
         let mut single = LongestGap::default();
         let maps = geometry.maps();
         let columns = maps.iter().zip(geometry.reaches()).zip(newest).zip(before).zip(oldest);
-        for (index, ((((map, reach), lit), lit_before), lit_oldest)) in columns.enumerate() {
+        let mut next_index = 0_usize;
+        for ((((map, reach), lit), lit_before), lit_oldest) in columns {
+            let index = next_index;
+            next_index = index.saturating_add(1);
             let reach = usize::from(*reach);
             let to = index.saturating_add(reach).saturating_add(1).min(maps.len());
             let from = index.saturating_sub(reach);

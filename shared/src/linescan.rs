@@ -283,7 +283,7 @@ pub fn encode(
         writer.u16(window.first_row);
         writer.bytes(&window.pixels);
     }
-    writer.seal();
+    wire::seal(message);
     Ok(())
 }
 
@@ -316,7 +316,7 @@ mod tests {
     }
 
     fn resealed(mut message: [u8; LINE_SCAN_LENGTH]) -> [u8; LINE_SCAN_LENGTH] {
-        Writer::new(&mut message).seal();
+        wire::seal(&mut message);
         message
     }
 

@@ -74,13 +74,13 @@ pub struct StripeMonitor<const N: usize> {
 }
 
 impl<const N: usize> StripeMonitor<N> {
-    /// Watches nothing yet; see [`Self::configure`].
+    /// Watches nothing yet; see [`Self::configure`]. All zero bits: a static of it takes no room in flash.
     #[must_use]
     pub const fn new() -> Self {
         Self {
             geometry: StripeGeometry::empty(),
             detector: CutoffDetector::new(),
-            heights: [f32::NAN; N],
+            heights: [0.0; N],
             large: [false; VOTE_FRAMES],
         }
     }
@@ -139,7 +139,7 @@ impl<const N: usize> StripeMonitor<N> {
         if let Some(newest) = self.large.first_mut() {
             *newest = heights.highest.is_some_and(|highest| highest.height >= LARGE_HEIGHT);
         }
-        let votes = self.large.iter().filter(|large| **large).count();
+        let votes = self.large.iter().fold(0_usize, |votes, large| votes.saturating_add(usize::from(*large)));
         StripeReport {
             cutoff,
             heights,

@@ -178,7 +178,7 @@ impl Rig {
         write_vector(&mut writer, self.stripe.direction);
         writer.f32(narrow(self.stripe.start));
         writer.f32(narrow(self.stripe.end));
-        writer.seal();
+        wire::seal(&mut bytes);
         bytes
     }
 
@@ -405,7 +405,7 @@ mod tests {
         let resealed = |offset: usize, value: &[u8]| {
             let mut bad = good;
             bad[offset..offset + value.len()].copy_from_slice(value);
-            Writer::new(&mut bad).seal();
+            wire::seal(&mut bad);
             Rig::from_bytes(&bad)
         };
         assert_eq!(resealed(4, &[2, 0]), Err(CompactRigError::Version(2)));

@@ -275,7 +275,7 @@ impl Status {
             writer.u16(column);
         }
         writer.u16(0);
-        writer.seal();
+        wire::seal(&mut bytes);
         bytes
     }
 
@@ -492,7 +492,7 @@ mod tests {
         let with = |offset: usize, value: u8| {
             let mut bytes = example().to_bytes();
             bytes[offset] = value;
-            Writer::new(&mut bytes).seal();
+            wire::seal(&mut bytes);
             Status::parse(&bytes).err()
         };
         for length in 0..STATUS_LENGTH {

@@ -45,26 +45,28 @@ pub fn is_sealed(message: &[u8]) -> bool {
 /// Writes little-endian values one after the other; what does not fit any more is dropped (the message's own length
 /// is a constant, and its golden bytes are tested).
 pub(crate) struct Writer<'a> {
-    bytes: &'a mut [u8],
-    position: usize,
+    rest: &'a mut [u8],
 }
 
 impl<'a> Writer<'a> {
     pub(crate) fn new(bytes: &'a mut [u8]) -> Self {
-        Self { bytes, position: 0 }
+        Self { rest: bytes }
     }
 
-    pub(crate) fn bytes(&mut self, values: &[u8]) {
-        let end = self.position.saturating_add(values.len());
-        if let Some(slot) = self.bytes.get_mut(self.position..end) {
-            slot.copy_from_slice(values);
-            self.position = end;
+    pub(crate) fn bytes<const L: usize>(&mut self, values: &[u8; L]) {
+        match core::mem::take(&mut self.rest).split_first_chunk_mut::<L>() {
+            Some((slot, rest)) => {
+                *slot = *values;
+                self.rest = rest;
+            }
+            None => self.rest = &mut [],
         }
     }
 
     /// Leaves bytes as they are.
     pub(crate) fn skip(&mut self, length: usize) {
-        self.position = self.position.saturating_add(length);
+        self.rest =
+            core::mem::take(&mut self.rest).split_at_mut_checked(length).map_or(&mut [], |(_, rest)| rest);
     }
 
     pub(crate) fn u8(&mut self, value: u8) {
@@ -90,12 +92,12 @@ impl<'a> Writer<'a> {
     pub(crate) fn f32(&mut self, value: f32) {
         self.bytes(&value.to_le_bytes());
     }
+}
 
-    /// Puts the CRC of all before the last four bytes into the last four bytes.
-    pub(crate) fn seal(self) {
-        if let Some((body, seal)) = self.bytes.split_last_chunk_mut::<SEAL_LENGTH>() {
-            *seal = checksum(body).to_le_bytes();
-        }
+/// Puts the CRC of all before the last four bytes into the last four bytes.
+pub(crate) fn seal(message: &mut [u8]) {
+    if let Some((body, seal)) = message.split_last_chunk_mut::<SEAL_LENGTH>() {
+        *seal = checksum(body).to_le_bytes();
     }
 }
 
@@ -158,7 +160,7 @@ mod tests {
     #[test]
     fn a_seal_holds_until_a_bit_changes() {
         let mut message = [1, 2, 3, 4, 0, 0, 0, 0];
-        Writer::new(&mut message).seal();
+        seal(&mut message);
         assert!(is_sealed(&message));
         for bit in 0..64 {
             let mut bad = message;
@@ -175,11 +177,11 @@ mod tests {
         writer.u16(0x0201);
         writer.u16(0xFFFF);
         writer.u8(3);
-        assert_eq!(bytes, [1, 2, 3]);
+        assert_eq!(bytes, [1, 2, 0]);
         let mut reader = Reader::new(&bytes);
         assert_eq!(
             (reader.u32(), reader.u16(), reader.u16(), reader.u8()),
-            (None, Some(0x0201), None, Some(3))
+            (None, Some(0x0201), None, Some(0))
         );
     }
 }

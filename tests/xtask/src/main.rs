@@ -1,2 +1,132 @@
-//! The project's chores.
-fn main() {}
+//! The project's chores, quick to build. `cargo xtask help` tells what there is.
+
+mod budget;
+mod panic_free;
+mod run;
+mod setup;
+
+use anyhow::{Result, bail};
+use run::Step;
+use std::process::ExitCode;
+use std::time::Instant;
+
+const HELP: &str = "\
+nearfield's chores. Each sets up what it needs by itself.
+
+  cargo xtask setup      Rust target for the microcontroller, QEMU (through apt where it can)
+  cargo xtask demo       a scripted minute at the robot's edge, no hardware: pictures in, relay out;
+                         writes target/demo/report.html   (further arguments go to `nearfield demo`)
+  cargo xtask test       everything: format, lints, all tests, both firmware builds, emulated tests,
+                         the panic-free proof, size and time budgets
+  cargo xtask firmware   builds the firmware for the board (stm32g474) and for the emulator (qemu_an386)
+  cargo xtask emulate    the tests that run the firmware on an emulated Cortex-M4
+  cargo xtask budget     flash, RAM, stack and instructions of the firmware against tests/budget.toml
+                         (--write keeps the measured figures plus headroom as the new budget)
+  cargo xtask lint       format and lints only
+  cargo xtask panic-free the proof by linking that the safety core cannot panic
+";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let (verb, rest) = match arguments.split_first() {
+        Some((verb, rest)) => (verb.as_str(), rest),
+        None => ("help", &[][..]),
+    };
+    let started = Instant::now();
+    match dispatch(verb, rest) {
+        Ok(()) => {
+            if !matches!(verb, "help" | "-h" | "--help") {
+                eprintln!("xtask {verb}: done in {:.0} s", started.elapsed().as_secs_f64());
+            }
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            eprintln!("xtask {verb}: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn dispatch(verb: &str, rest: &[String]) -> Result<()> {
+    match verb {
+        "setup" => setup::everything(),
+        "demo" => demo(rest),
+        "test" => test(),
+        "firmware" => {
+            setup::firmware_target()?;
+            firmware()
+        }
+        "emulate" => emulate(),
+        "budget" => {
+            setup::everything()?;
+            firmware()?;
+            budget::check(rest.iter().any(|argument| argument == "--write"))
+        }
+        "lint" => {
+            setup::firmware_target()?;
+            setup::components()?;
+            lint()
+        }
+        "panic-free" => {
+            setup::firmware_target()?;
+            panic_free::prove()
+        }
+        "help" | "-h" | "--help" => {
+            print!("{HELP}");
+            Ok(())
+        }
+        unknown => bail!("there is no chore {unknown:?}; `cargo xtask help` lists them"),
+    }
+}
+
+fn demo(rest: &[String]) -> Result<()> {
+    if rest.iter().any(|argument| argument == "emulated" || argument == "--mcu=emulated") {
+        setup::everything()?;
+        firmware()?;
+    }
+    let mut arguments =
+        vec!["run", "--release", "--package", "nearfield-host", "--bin", "nearfield", "--", "demo"];
+    let out = ["--out", "target/demo"];
+    if !rest.iter().any(|argument| argument.starts_with("--out")) {
+        arguments.extend(out);
+    }
+    arguments.extend(rest.iter().map(String::as_str));
+    Step::cargo(&arguments).run()
+}
+
+fn test() -> Result<()> {
+    setup::everything()?;
+    setup::components()?;
+    lint()?;
+    firmware()?;
+    Step::cargo(&["test", "--workspace", "--exclude", "panic-free"])
+        .env("CI_EMULATED_REQUIRED", "1")
+        .run()?;
+    panic_free::prove()?;
+    budget::check(false)?;
+    eprintln!(
+        "everything passed: format, lints, tests, both firmware builds, emulated runs, panic-free proof, budgets"
+    );
+    Ok(())
+}
+
+fn emulate() -> Result<()> {
+    setup::everything()?;
+    firmware()?;
+    Step::cargo(&["test", "--package", "nearfield-tests", "--test", "emulated*"])
+        .env("CI_EMULATED_REQUIRED", "1")
+        .run()
+}
+
+fn lint() -> Result<()> {
+    Step::cargo(&["fmt", "--all", "--check"]).run()?;
+    Step::cargo(&["clippy", "--workspace", "--all-targets", "--", "--deny", "warnings"]).run()?;
+    let firmware = ["clippy", "--package", "nearfield-firmware", "--target", run::FIRMWARE_TARGET];
+    Step::cargo(&[&firmware[..], &["--profile", run::FIRMWARE_PROFILE, "--", "--deny", "warnings"]].concat())
+        .run()
+}
+
+fn firmware() -> Result<()> {
+    let arguments = ["build", "--package", "nearfield-firmware", "--bins", "--target", run::FIRMWARE_TARGET];
+    Step::cargo(&[&arguments[..], &["--profile", run::FIRMWARE_PROFILE]].concat()).run()
+}

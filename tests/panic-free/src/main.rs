@@ -1,0 +1,168 @@
+//! Proof by linking that the safety core has no path to a panic.
+//!
+//! The panic handler calls a symbol that nothing defines. The linker drops functions that nothing reaches, so the
+//! program links only if the optimiser has shown that no panic is reachable from any of the entry points below, with
+//! overflow checks on. Inputs come from memory that the
+//! optimiser knows nothing about.
+//! `cargo xtask panic-free` builds it, and then checks with the feature `control` that an added panic path is caught.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(not(target_os = "none"))]
+fn main() {
+    eprintln!("panic-free is a proof by linking for the microcontroller; run `cargo xtask panic-free`");
+}
+
+#[cfg(target_os = "none")]
+mod proof {
+    #![allow(unsafe_code)]
+    use core::cell::UnsafeCell;
+    use core::hint::black_box;
+    use core::panic::PanicInfo;
+    use nearfield_shared::action::{Category, action_for};
+    use nearfield_shared::camera::Pixel;
+    use nearfield_shared::columns::Decimation;
+    use nearfield_shared::height::SizeClass;
+    use nearfield_shared::laser::PaperGeometry;
+    use nearfield_shared::linescan::{self, AuditWindow, LINE_SCAN_LENGTH, LineScan, LineScanColumn};
+    use nearfield_shared::monitor::StripeMonitor;
+    use nearfield_shared::rig::{COMPACT_LENGTH, Rig};
+    use nearfield_shared::status::{STATUS_LENGTH, Status};
+    use nearfield_shared::units::{Millimetres, SignalQuality, SubpixelRow};
+
+    unsafe extern "C" {
+        fn nearfield_a_panic_path_is_left() -> !;
+    }
+
+    #[panic_handler]
+    fn panic(_: &PanicInfo<'_>) -> ! {
+        // SAFETY: never runs; nothing defines the symbol, so a program that could get here does not link.
+        unsafe { nearfield_a_panic_path_is_left() }
+    }
+
+    /// Memory whose content the optimiser must not assume, and whose change it must not drop.
+    struct Unknown<T>(UnsafeCell<T>);
+    // SAFETY: the proof has one thread and never runs.
+    unsafe impl<T> Sync for Unknown<T> {}
+
+    impl<T> Unknown<T> {
+        const fn new(value: T) -> Self {
+            Self(UnsafeCell::new(value))
+        }
+
+        /// The value, as far as the optimiser knows changed by somebody else since the last look.
+        #[allow(clippy::mut_from_ref)]
+        fn look(&self) -> &mut T {
+            // SAFETY: valid and aligned, the cell's own; the proof never runs, so no two references ever live.
+            black_box(unsafe { &mut *self.0.get() })
+        }
+
+        fn read(&self) -> T
+        where
+            T: Copy,
+        {
+            *self.look()
+        }
+
+        fn write(&self, value: T) {
+            *self.look() = value;
+            self.look();
+        }
+    }
+
+    static MESSAGE: Unknown<[u8; LINE_SCAN_LENGTH]> = Unknown::new([0; LINE_SCAN_LENGTH]);
+    static RIG: Unknown<[u8; COMPACT_LENGTH]> = Unknown::new([0; COMPACT_LENGTH]);
+    static STATUS: Unknown<[u8; STATUS_LENGTH]> = Unknown::new([0; STATUS_LENGTH]);
+    static LENGTH: Unknown<usize> = Unknown::new(0);
+    static NUMBER: Unknown<f64> = Unknown::new(0.0);
+    static COLUMNS: Unknown<[LineScanColumn; 4]> = Unknown::new([LineScanColumn::MISSING; 4]);
+    static SINK: Unknown<u64> = Unknown::new(0);
+
+    static MONITOR: Unknown<StripeMonitor<1152>> = Unknown::new(StripeMonitor::new());
+
+    fn sink(value: bool) {
+        SINK.write(u64::from(value));
+    }
+
+    #[unsafe(no_mangle)]
+    extern "C" fn _start() -> ! {
+        loop {
+            geometry();
+            messages();
+            tiers();
+            #[cfg(feature = "control")]
+            control();
+        }
+    }
+
+    #[inline(never)]
+    fn geometry() {
+        let Ok(rig) = Rig::from_bytes(&RIG.read()) else { return };
+        RIG.write(rig.to_bytes());
+        sink(rig.calibration_id().get() == 0);
+        let pixel = Pixel { u: NUMBER.read(), v: NUMBER.read() };
+        if let Some(point) = rig.laser().triangulate(rig.camera(), pixel) {
+            NUMBER.write(rig.stripe().coordinate_of(rig.laser().shadow_on_floor(point).unwrap_or(point)));
+        }
+        let paper = PaperGeometry {
+            laser_height: NUMBER.read(),
+            camera_height: NUMBER.read(),
+            distance: NUMBER.read(),
+            focal_length: NUMBER.read(),
+        };
+        NUMBER.write(paper.height(NUMBER.read(), NUMBER.read()).unwrap_or(0.0));
+    }
+
+    #[inline(never)]
+    fn messages() {
+        let message = MESSAGE.look();
+        if let Some(Ok(scan)) = message.get(..LENGTH.read()).map(LineScan::parse) {
+            let columns = COLUMNS.read();
+            let mut reply = [0; LINE_SCAN_LENGTH];
+            for window in scan.audit_windows() {
+                sink(linescan::encode(&mut reply, scan.header(), &columns, &[window, window]).is_ok());
+            }
+            let none: [AuditWindow; 0] = [];
+            sink(
+                linescan::encode(
+                    &mut reply,
+                    scan.header(),
+                    columns.get(..LENGTH.read()).unwrap_or(&[]),
+                    &none,
+                )
+                .is_ok(),
+            );
+            *MESSAGE.look() = reply;
+        }
+        let status = STATUS.read();
+        if let Some(Ok(status)) = status.get(..LENGTH.read()).map(Status::parse) {
+            STATUS.write(status.to_bytes());
+            sink(status.latched_causes.iter().any(|cause| cause.name().len() > cause.words().len()));
+        }
+        let row = SubpixelRow::from_pixels(nearfield_shared::units::narrow(NUMBER.read()));
+        sink(row.and_then(SubpixelRow::to_pixels).is_some() && SignalQuality::new(1) > SignalQuality::NONE);
+    }
+
+    #[inline(never)]
+    fn tiers() {
+        let monitor = MONITOR.look();
+        if let Ok(rig) = Rig::from_bytes(&RIG.read()) {
+            sink(monitor.configure(&rig, Decimation::for_line_scan(rig.image().width)).is_ok());
+        }
+        let message = MESSAGE.look();
+        if let Ok(scan) = LineScan::parse(message) {
+            let report = monitor.update(scan.readings());
+            sink(report.is_cut() || report.is_stripe_missing() || report.size() == Some(SizeClass::Unknown));
+        }
+        let size = SizeClass::of(Millimetres::new(nearfield_shared::units::narrow(NUMBER.read())));
+        for category in Category::ALL {
+            SINK.write(action_for(category, size) as u64);
+        }
+    }
+
+    #[cfg(feature = "control")]
+    fn control() {
+        let columns = COLUMNS.read();
+        let index = LENGTH.read();
+        sink(columns[index] == LineScanColumn::MISSING);
+    }
+}
