@@ -1,17 +1,20 @@
 //! One projective map per column: row of the stripe to height and place, with one division and no trigonometry.
 //!
 //! For one image column of an undistorted camera the line of sight sweeps a plane as the row changes; that plane
-//! meets the sheet of light in a straight line, and row to position on that line is projective. Measured from the row
-//! at which the column sees the lit floor, `t = row - floor_row`:
+//! meets the sheet of light in a straight line, and row to position on that line is projective. Lens distortion bends
+//! the column slightly, which one more term takes up. Measured from the row at which the column sees the lit floor,
+//! `t = row - floor_row`:
 //!
 //! ```text
-//! height      = height_per_row * t / (1 + perspective_per_row * t)
-//! along-place = floor_place + place_per_row * t / (1 + perspective_per_row * t)
+//! height = height_per_row * t * (1 + bend_per_row * t) / (1 + perspective_per_row * t)
+//! along  = floor_place + place_per_height * height
 //! ```
 //!
-//! so the floor's height is exactly zero. Lens distortion bends a column slightly; the coefficients are fitted to the
-//! exact model ([`crate::laser::Laser::triangulate`]) from 30 mm below to 200 mm above the floor, and the tests bound
-//! what is left (0.1 mm of height, 1.5 mm of place up to 100 mm of height). The maps are filled once, at start, in f64; using them is f32.
+//! so the floor's height is exactly zero. The coefficients are fitted to the exact model
+//! ([`crate::laser::Laser::triangulate`]) from 30 mm below to 200 mm above the floor, as far as the picture shows them;
+//! tests bound what is left: 0.1 mm of height; up to 100 mm of height 1.5 mm of a ray's place (66 degree lens; 5 mm at the
+//! edge of a 102 degree one, whose bent columns lean differently at every height). The maps are filled
+//! once, at start, in f64; using them is f32.
 
 use crate::camera::{Pixel, Vector};
 use crate::limits::{AVERAGING_WINDOW, DEEPEST_MAPPED, HIGHEST_MAPPED, LARGEST_COLUMN_COUNT};
@@ -69,14 +72,18 @@ pub struct ColumnMap {
     pub floor_place: f32,
     /// Height per row at the floor, millimetres per pixel; its sign says whether raised points move up or down.
     pub height_per_row: f32,
-    /// Place along the stripe per row at the floor, millimetres per pixel.
-    pub place_per_row: f32,
     /// Perspective term, 1 per pixel.
     pub perspective_per_row: f32,
+    /// Lens distortion's term, 1 per pixel.
+    pub bend_per_row: f32,
+    /// Sideways lean of the column in the sheet of light: millimetres along the stripe per millimetre of height.
+    pub place_per_height: f32,
 }
 
 /// Beyond this the map has left the half-plane in front of camera and sheet.
 const SMALLEST_DENOMINATOR: f32 = 0.05;
+/// Newton's steps for the inverse; each squares what the bend leaves.
+const INVERSE_STEPS: u32 = 3;
 
 impl ColumnMap {
     /// Never reached by a reader. All zero bits, so that a static of maps takes no room in flash.
@@ -84,8 +91,9 @@ impl ColumnMap {
         floor_row: 0.0,
         floor_place: 0.0,
         height_per_row: 0.0,
-        place_per_row: 0.0,
         perspective_per_row: 0.0,
+        bend_per_row: 0.0,
+        place_per_height: 0.0,
     };
 
     /// Height over the floor of a stripe seen at `row`, millimetres; NaN where there is none (no stripe, horizon).
@@ -95,24 +103,25 @@ impl ColumnMap {
     pub fn height(&self, row: f32) -> f32 {
         let rows = row - self.floor_row;
         let denominator = 1.0 + self.perspective_per_row * rows;
-        if denominator > SMALLEST_DENOMINATOR { self.height_per_row * rows / denominator } else { f32::NAN }
+        if denominator > SMALLEST_DENOMINATOR {
+            self.height_per_row * rows * (1.0 + self.bend_per_row * rows) / denominator
+        } else {
+            f32::NAN
+        }
     }
 
     /// The row at which a point of this height appears, pixels: the inverse of [`Self::height`]; NaN where none.
     #[must_use]
     pub fn row(&self, height: f32) -> f32 {
+        let bend = self.height_per_row * self.bend_per_row;
         let slope = self.height_per_row - self.perspective_per_row * height;
-        let rows = height / slope;
-        let denominator = 1.0 + self.perspective_per_row * rows;
-        if denominator > SMALLEST_DENOMINATOR { self.floor_row + rows } else { f32::NAN }
-    }
-
-    /// Where along the stripe's direction the lit point itself lies, millimetres; NaN where there is none.
-    fn along(&self, row: f32) -> f32 {
-        let rows = row - self.floor_row;
-        let denominator = 1.0 + self.perspective_per_row * rows;
-        if denominator > SMALLEST_DENOMINATOR {
-            self.floor_place + self.place_per_row * rows / denominator
+        let mut rows = height / slope;
+        // `bend rows^2 + slope rows = height` by Newton's steps from the solution without the (small) bend.
+        for _ in 0..INVERSE_STEPS {
+            rows -= (rows * (bend * rows + slope) - height) / (2.0 * bend * rows + slope);
+        }
+        if 1.0 + self.perspective_per_row * rows > SMALLEST_DENOMINATOR {
+            self.floor_row + rows
         } else {
             f32::NAN
         }
@@ -405,7 +414,8 @@ impl<const N: usize> StripeGeometry<N> {
         let height = map.height(row);
         let drop = self.laser_height - height;
         if drop > 0.0 {
-            self.laser_place + (map.along(row) - self.laser_place) * self.laser_height / drop
+            let along = map.floor_place + map.place_per_height * height;
+            self.laser_place + (along - self.laser_place) * self.laser_height / drop
         } else {
             f32::NAN
         }
@@ -428,49 +438,70 @@ fn fit(
     let [floor_guess, raised_guesses @ ..] = guesses;
     let (floor_place, floor_row) =
         sheet.solve(u, 0.0, floor_guess).ok_or(GeometryError::StripeAlongColumns)?;
-    // Least squares of `b t - d (z t) = z` over the fitted heights: two unknowns, normal equations.
-    let (mut tt, mut tz, mut zz, mut ty, mut zy) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    let mut samples = [(f64::NAN, f64::NAN); 4];
+    // With h, d, q for height, perspective and bend: `h t + q t^2 - d (z t) = z`, least squares over the samples.
+    let mut heights = LeastSquares::default();
+    let (mut leant, mut square) = (0.0, 0.0);
     let mut places = [floor_place; 4];
-    for (((sample, place), height), guess) in
-        samples.iter_mut().zip(&mut places).zip(range.samples()).zip(raised_guesses)
-    {
+    for ((place, height), guess) in places.iter_mut().zip(range.samples()).zip(raised_guesses) {
         // Where the lens model ends (far outside the picture) there is nothing to fit.
         let Some((found, row)) = sheet.solve(u, height, guess) else { continue };
-        let rows = row - floor_row;
-        let weighted = -height * rows;
-        tt += rows * rows;
-        tz += rows * weighted;
-        zz += weighted * weighted;
-        ty += rows * height;
-        zy += weighted * height;
-        (*sample, *place) = ((rows, found), found);
+        let rows = (row - floor_row) * ROW_SCALE;
+        heights.add([rows, rows * rows, -height * rows], height);
+        leant += height * (found - floor_place);
+        square += height * height;
+        *place = found;
     }
-    let determinant = tt * zz - tz * tz;
-    let height_per_row = (ty * zz - zy * tz) / determinant;
-    let perspective_per_row = (zy * tt - ty * tz) / determinant;
-    let (mut moved, mut square) = (0.0, 0.0);
-    for (rows, place) in samples {
-        let reach = rows / (1.0 + perspective_per_row * rows);
-        if reach.is_finite() {
-            moved += reach * (place - floor_place);
-            square += reach * reach;
-        }
-    }
-    let place_per_row = moved / square;
-    let usable = height_per_row.is_finite() && height_per_row != 0.0 && place_per_row.is_finite();
-    if !usable {
-        return Err(GeometryError::NoParallax);
-    }
+    let [height_per_row, bend, perspective_per_row] = heights.solve().ok_or(GeometryError::NoParallax)?;
     let map = ColumnMap {
         floor_row: narrow(floor_row),
         floor_place: narrow(floor_place),
-        height_per_row: narrow(height_per_row),
-        place_per_row: narrow(place_per_row),
-        perspective_per_row: narrow(perspective_per_row),
+        height_per_row: narrow(height_per_row * ROW_SCALE),
+        perspective_per_row: narrow(perspective_per_row * ROW_SCALE),
+        bend_per_row: narrow(bend / height_per_row * ROW_SCALE),
+        place_per_height: narrow(leant / square),
     };
+    let usable = map.height_per_row != 0.0
+        && map.height_per_row.is_finite()
+        && map.perspective_per_row.is_finite()
+        && map.bend_per_row.is_finite()
+        && map.place_per_height.is_finite();
     let [first, second, third, fourth] = places;
-    Ok((map, [floor_place, first, second, third, fourth]))
+    if usable {
+        Ok((map, [floor_place, first, second, third, fourth]))
+    } else {
+        Err(GeometryError::NoParallax)
+    }
+}
+
+/// Rows are scaled to about one for the normal equations.
+const ROW_SCALE: f64 = 1.0 / 256.0;
+
+/// Linear least squares with three unknowns by normal equations and Cramer's rule.
+#[derive(Default)]
+struct LeastSquares {
+    rows: [Vector; 3],
+    right: Vector,
+}
+
+impl LeastSquares {
+    fn add(&mut self, coefficients: [f64; 3], value: f64) {
+        let [a, b, c] = coefficients;
+        let equation = Vector::new(a, b, c);
+        for (row, coefficient) in self.rows.iter_mut().zip(coefficients) {
+            *row = row.plus(equation.scaled(coefficient));
+        }
+        self.right = self.right.plus(equation.scaled(value));
+    }
+
+    fn solve(&self) -> Option<[f64; 3]> {
+        let [a, b, c] = self.rows;
+        let determinant = a.dot(b.cross(c));
+        let right = self.right;
+        // The matrix is symmetric, so its rows are its columns.
+        let unknowns = [right.dot(b.cross(c)), a.dot(right.cross(c)), a.dot(b.cross(right))]
+            .map(|numerator| numerator / determinant);
+        unknowns.iter().all(|unknown| unknown.is_finite()).then_some(unknowns)
+    }
 }
 
 #[cfg(test)]

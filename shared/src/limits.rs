@@ -16,6 +16,9 @@ pub const IMMEDIATE_GAP: Millimetres = Millimetres::new(20.0);
 pub const FLOOR_TOLERANCE: Millimetres = Millimetres::new(1.8);
 /// Tier 2: from this height on an object is large. Source: paper, table 1.
 pub const LARGE_HEIGHT: Millimetres = Millimetres::new(50.0);
+/// Tier 2: the floor may drop away by this much and no more. Reason: a robot's wheels take 5 mm; tiles, joints and
+/// door sills stay above it.
+pub const DEEPEST_ALLOWED_DROP: Millimetres = Millimetres::new(-5.0);
 /// Tier 2: the highest point the column maps are fitted for. Heights above it are reported, but less exactly.
 pub const HIGHEST_MAPPED: Millimetres = Millimetres::new(200.0);
 /// Tier 2: the deepest point the column maps are fitted for.
@@ -39,7 +42,10 @@ pub const LONGEST_CAPTURE_AGE: Micros = Micros::from_millis(60);
 /// No accepted line-scan for this long stops. Reason: three frame periods at 50 frames per second; shorter would
 /// stop on one lost frame.
 pub const LINK_TIMEOUT: Micros = Micros::from_millis(60);
-/// At most this many line-scans may be missing between two accepted ones.
+/// A line-scan was put together no longer ago than this, on the MCU's own clock (the age of the status that it
+/// answers). Reason: two frame periods at 50 frames per second, so that one lost exchange is tolerated, and a tick.
+pub const LONGEST_MESSAGE_AGE: Micros = Micros::from_millis(45);
+/// Sequence numbers of accepted line-scans rise by no more than this: one may be lost.
 pub const LARGEST_SEQUENCE_STEP: u32 = 2;
 /// Consecutive good line-scans that the link needs before it counts as healthy.
 pub const HEALTHY_STREAK: u32 = 3;
@@ -48,6 +54,11 @@ pub const HEALTHY_STREAK: u32 = 3;
 pub const TICK_PERIOD: Micros = Micros::from_millis(5);
 /// The safety task may be late by no more than this (deadline supervision).
 pub const LONGEST_TICK_PERIOD: Micros = Micros::from_millis(15);
+/// Two ticks are at least this far apart. Reason: a clock that stands still would keep every age at zero.
+pub const SHORTEST_TICK_PERIOD: Micros = Micros::from_millis(1);
+/// A watchdog that is not fed for this long resets the MCU, which opens the relays. Reason: several missed deadlines
+/// of the safety task, and well within the stopping time's budget for a fault of the controller itself.
+pub const WATCHDOG_TIMEOUT: Micros = Micros::from_millis(100);
 /// Both feedback contacts must follow their channel within this time. Source: force-guided relays drop out within
 /// 20 ms; the margin covers contact bounce.
 pub const FEEDBACK_DISCREPANCY: Micros = Micros::from_millis(50);
