@@ -2,3 +2,4 @@
 
 pub mod capture;
 pub mod rig_file;
+pub mod twin;

@@ -1,0 +1,54 @@
+//! The digital twin: camera pictures of a laser stripe on a floor, with the exact truth about them.
+//!
+//! An analytic renderer: every pixel's ray is followed to the nearest surface, lit by the hall and by the laser's
+//! sheet with its true width, fall-off, shadows and speckle, and turned into bytes by a model of lens, sensor and
+//! image processor. The same seed gives the same picture on any number of threads. The laser's brightness command is
+//! an input of every frame, so the twin closes the loop with the microcontroller.
+//!
+//! ```
+//! use std::sync::Arc;
+//! use nearfield_host::twin::{ExpectedCutoff, Twin, View, gallery};
+//!
+//! let view = Arc::new(View::new(&gallery::CENTRE.rig()?));
+//! let scene = gallery::scene("box_45").ok_or("no such scene")?;
+//! let twin = Twin::new(view, &scene, 7)?;
+//! let picture = twin.render(0, 1.0);
+//! assert_eq!((picture.width, picture.height), (1152, 648));
+//! assert_eq!(twin.truth(1.0).cutoff, ExpectedCutoff::Trip);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! | module | what it does |
+//! |---|---|
+//! | [`scene`], [`material`], [`gallery`] | what is there: files, materials, ready-made and random scenes |
+//! | [`view`] | a rig's lines of sight, computed once |
+//! | [`shape`], [`body`] | solids and what a ray meets |
+//! | [`floor`], [`light`], [`sheet`] | colours of floors, daylight, the laser's sheet |
+//! | [`patch`], [`sensor`], [`picture`] | lens blur, noise and colour, bytes |
+//! | [`render`] | all of it together: [`Twin`] |
+//! | [`truth`] | what a correct sensor must say |
+//!
+//! Not modelled yet: light that bounces between surfaces, translucent bodies, vignetting, the Bayer mosaic, rolling
+//! shutter and motion blur.
+
+pub mod body;
+pub mod floor;
+pub mod gallery;
+pub mod light;
+pub mod material;
+pub mod patch;
+pub mod picture;
+pub mod random;
+pub mod render;
+pub mod scene;
+pub mod sensor;
+pub mod shape;
+pub mod sheet;
+pub mod truth;
+pub mod view;
+
+pub use picture::Picture;
+pub use render::Twin;
+pub use scene::{Scene, SceneError, SceneObject};
+pub use truth::{ExpectedCutoff, Truth};
+pub use view::View;

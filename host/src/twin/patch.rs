@@ -1,0 +1,175 @@
+//! A rectangle of one plane of light, and the two ways in which a lens smears it.
+
+use rayon::prelude::*;
+
+use super::view::PixelRectangle;
+
+/// The values of one plane within a rectangle, row by row.
+#[derive(Debug, Clone)]
+pub struct Patch {
+    /// Where it belongs.
+    pub area: PixelRectangle,
+    /// One value a pixel.
+    pub values: Vec<f32>,
+}
+
+/// A Gaussian's weights from its centre outwards; they sum to 1 over both sides.
+#[must_use]
+pub fn gaussian(deviation: f64) -> Vec<f32> {
+    if deviation < 0.05 {
+        return vec![1.0];
+    }
+    let reach = (3.0 * deviation).ceil() as i32;
+    let weight = |i: i32| (-0.5 * (f64::from(i) / deviation).powi(2)).exp();
+    let total: f64 = (-reach..=reach).map(weight).sum();
+    (0..=reach).map(|i| (weight(i) / total) as f32).collect()
+}
+
+impl Patch {
+    /// All dark.
+    #[must_use]
+    pub fn dark(area: PixelRectangle) -> Self {
+        Self { area, values: vec![0.0; (area.right - area.left) * (area.bottom - area.top)] }
+    }
+
+    /// Columns.
+    #[must_use]
+    pub const fn width(&self) -> usize {
+        self.area.right - self.area.left
+    }
+
+    /// Smears it with a symmetric kernel ([`gaussian`]); beyond its edges the edge's value goes on.
+    pub fn blur(&mut self, kernel: &[f32]) {
+        if kernel.len() < 2 || self.values.is_empty() {
+            return;
+        }
+        let width = self.width();
+        let rows = self.values.len() / width;
+        let mut across = vec![0.0_f32; self.values.len()];
+        across.par_chunks_mut(width).zip(self.values.par_chunks(width)).for_each(|(to, from)| {
+            blur_line(from, to, kernel);
+        });
+        self.values.par_chunks_mut(width).enumerate().for_each(|(row, to)| {
+            let line = |index: usize| &across[index * width..(index + 1) * width];
+            scale_into(to, line(row), kernel[0]);
+            for (offset, weight) in kernel.iter().enumerate().skip(1) {
+                add_into(to, line(row.saturating_sub(offset)), *weight);
+                add_into(to, line((row + offset).min(rows - 1)), *weight);
+            }
+        });
+    }
+
+    /// Spreads it widely: an exponential fall-off of `reach` pixels in all four directions (forward and backward
+    /// recursive filters, so the cost does not depend on the reach).
+    pub fn spread(&mut self, reach: f64) {
+        let width = self.width();
+        let keep = (-1.0 / reach.max(0.1)).exp() as f32;
+        self.values.par_chunks_mut(width).for_each(|line| {
+            let mut carried = 0.0;
+            for value in line.iter_mut() {
+                carried = keep * carried + (1.0 - keep) * *value;
+                *value = carried;
+            }
+            carried = 0.0;
+            for value in line.iter_mut().rev() {
+                carried = keep * carried + (1.0 - keep) * *value;
+                *value = carried;
+            }
+        });
+        let rows = self.values.len() / width;
+        let mut carried = vec![0.0_f32; width];
+        for order in [false, true] {
+            carried.fill(0.0);
+            for step in 0..rows {
+                let row = if order { rows - 1 - step } else { step };
+                let line = &mut self.values[row * width..(row + 1) * width];
+                for (value, memory) in line.iter_mut().zip(&mut carried) {
+                    *memory = keep * *memory + (1.0 - keep) * *value;
+                    *value = *memory;
+                }
+            }
+        }
+    }
+}
+
+fn blur_line(from: &[f32], to: &mut [f32], kernel: &[f32]) {
+    let reach = kernel.len() - 1;
+    let last = from.len() - 1;
+    let slow = |x: usize| {
+        let mut sum = kernel[0] * from[x];
+        for (offset, weight) in kernel.iter().enumerate().skip(1) {
+            sum += weight * (from[x.saturating_sub(offset)] + from[(x + offset).min(last)]);
+        }
+        sum
+    };
+    if from.len() <= 2 * reach {
+        to.iter_mut().enumerate().for_each(|(x, value)| *value = slow(x));
+        return;
+    }
+    for x in (0..reach).chain(from.len() - reach..from.len()) {
+        to[x] = slow(x);
+    }
+    let inner = reach..from.len() - reach;
+    scale_into(&mut to[inner.clone()], &from[inner.clone()], kernel[0]);
+    for (offset, weight) in kernel.iter().enumerate().skip(1) {
+        add_into(&mut to[inner.clone()], &from[reach - offset..from.len() - reach - offset], *weight);
+        add_into(&mut to[inner.clone()], &from[reach + offset..from.len() - reach + offset], *weight);
+    }
+}
+
+fn scale_into(to: &mut [f32], from: &[f32], weight: f32) {
+    to.iter_mut().zip(from).for_each(|(value, other)| *value = weight * other);
+}
+
+fn add_into(to: &mut [f32], from: &[f32], weight: f32) {
+    to.iter_mut().zip(from).for_each(|(value, other)| *value += weight * other);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with_a_point(width: usize, height: usize) -> Patch {
+        let mut patch = Patch::dark(PixelRectangle { left: 0, top: 0, right: width, bottom: height });
+        patch.values[(height / 2) * width + width / 2] = 1.0;
+        patch
+    }
+
+    #[test]
+    fn blurring_and_spreading_keep_the_light_and_the_centre() {
+        let (width, height) = (61, 41);
+        let mut blurred = with_a_point(width, height);
+        blurred.blur(&gaussian(1.2));
+        let mut spread = with_a_point(width, height);
+        spread.spread(2.0);
+        for patch in [blurred, spread] {
+            let total: f32 = patch.values.iter().sum();
+            let weighted = |f: &dyn Fn(usize) -> usize| -> f32 {
+                patch.values.iter().enumerate().map(|(i, v)| v * f(i) as f32).sum::<f32>() / total
+            };
+            assert!((total - 1.0).abs() < 1e-3, "{total}");
+            assert!((weighted(&|i| i % width) - 30.0).abs() < 1e-2);
+            assert!((weighted(&|i| i / width) - 20.0).abs() < 1e-2);
+        }
+    }
+
+    #[test]
+    fn the_blur_has_the_stated_deviation() {
+        let mut patch = with_a_point(61, 41);
+        patch.blur(&gaussian(1.2));
+        let variance: f32 =
+            patch.values.iter().enumerate().map(|(i, v)| v * ((i % 61) as f32 - 30.0).powi(2)).sum();
+        assert!((variance.sqrt() - 1.2).abs() < 0.03, "{}", variance.sqrt());
+    }
+
+    #[test]
+    fn an_even_patch_stays_even_up_to_its_edges_and_tiny_ones_work() {
+        for (width, height) in [(20, 9), (2, 2), (1, 1)] {
+            let mut patch =
+                Patch::dark(PixelRectangle { left: 3, top: 4, right: 3 + width, bottom: 4 + height });
+            patch.values.fill(0.7);
+            patch.blur(&gaussian(1.0));
+            assert!(patch.values.iter().all(|value| (value - 0.7).abs() < 1e-5));
+        }
+    }
+}

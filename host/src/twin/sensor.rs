@@ -1,0 +1,192 @@
+//! From light to bytes: the sensor's noise and saturation, the colour matrix and the tone curve of its processor.
+
+use rayon::prelude::*;
+
+use super::material::LinearColour;
+use super::picture::Picture;
+use super::random::{NoiseTable, scramble};
+use super::scene::Look;
+
+/// From the sensor's own colours to linear sRGB; each row sums to 1 so that grey stays grey. The negative entries are
+/// why a pure red laser makes green *darker* on a grey floor, as real cameras show. Shaped after a typical colour
+/// matrix for a Bayer sensor at 4000 K (an estimate, not one camera's calibration).
+const COLOUR_MATRIX: [[f32; 3]; 3] = [[1.80, -0.70, -0.10], [-0.40, 1.75, -0.35], [0.02, -0.57, 1.55]];
+/// What the sensor's red, green and blue pixels see of the laser's deep red.
+const LASER_RESPONSE: [f32; 3] = [1.0, 0.10, 0.04];
+/// Raw signal per laser irradiance on a white surface at exposure 1, drive 1.
+const LASER_STRENGTH: f32 = 17.0;
+/// Demosaicing and the processor's noise reduction leave this share of a single pixel's noise.
+const NOISE_LEFT: f32 = 0.55;
+/// Steps of the tone table.
+const TONE_STEPS: usize = 4096;
+
+/// Three planes of raw light, row by row; each row holds its red, green and blue values in turn.
+#[derive(Debug, Clone, Default)]
+pub struct RawPlanes {
+    /// `3 * width * height` values at exposure 1.
+    pub values: Vec<f32>,
+}
+
+/// The sensor and its processor.
+#[derive(Debug)]
+pub struct Sensor {
+    tone: Vec<u8>,
+    noise: NoiseTable,
+    to_raw: [[f32; 3]; 3],
+    seed: u64,
+}
+
+impl Sensor {
+    /// A sensor whose noise follows from the seed.
+    #[must_use]
+    pub fn new(seed: u64) -> Self {
+        let tone = (0..TONE_STEPS).map(|step| to_srgb(step as f32 / (TONE_STEPS - 1) as f32)).collect();
+        Self { tone, noise: NoiseTable::new(seed ^ 0x006E_6F69_7365), to_raw: inverse(COLOUR_MATRIX), seed }
+    }
+
+    /// Linear sRGB light as the sensor's own colours.
+    #[must_use]
+    pub fn to_raw(&self, colour: LinearColour) -> LinearColour {
+        apply(&self.to_raw, colour)
+    }
+
+    /// Takes the picture: daylight and laser light (both at exposure 1) become bytes. `frame` chooses the noise.
+    pub fn expose(&self, daylight: &RawPlanes, laser: &[f32], shot: &Shot<'_>, picture: &mut Picture) {
+        let width = picture.width;
+        picture.rgb.par_chunks_mut(3 * width).enumerate().for_each_init(
+            || vec![0.0_f32; 3 * width],
+            |raw, (row, bytes)| {
+                raw.copy_from_slice(&daylight.values[3 * width * row..3 * width * (row + 1)]);
+                let light = &laser[width * row..width * (row + 1)];
+                self.collect(raw, light, shot, row);
+                self.process(raw, bytes);
+            },
+        );
+    }
+
+    /// Adds laser light and noise to one row, clips it at saturation.
+    fn collect(&self, raw: &mut [f32], laser: &[f32], shot: &Shot<'_>, row: usize) {
+        let look = shot.look;
+        let well = (look.full_well_electrons / look.gain) as f32;
+        let read = (look.read_noise_electrons as f32 / well).powi(2);
+        let exposure = shot.exposure;
+        let strength = LASER_STRENGTH * exposure * shot.drive * look.laser_power as f32;
+        let width = laser.len();
+        let word = scramble(self.seed ^ scramble(shot.frame ^ ((row as u64) << 40)));
+        for (channel, plane) in raw.chunks_exact_mut(width).enumerate() {
+            let noise = self.noise.stretch(scramble(word ^ channel as u64), width);
+            let response = LASER_RESPONSE[channel] * strength;
+            for ((value, light), random) in plane.iter_mut().zip(laser).zip(noise) {
+                let signal = *value * exposure + *light * response;
+                let deviation = NOISE_LEFT * (signal.max(0.0) / well + read).sqrt();
+                *value = (signal + deviation * random).clamp(0.0, 1.0);
+            }
+        }
+    }
+
+    /// Colour matrix and tone curve of one row.
+    fn process(&self, raw: &[f32], bytes: &mut [u8]) {
+        let width = raw.len() / 3;
+        let (red, rest) = raw.split_at(width);
+        let (green, blue) = rest.split_at(width);
+        for (((pixel, r), g), b) in bytes.chunks_exact_mut(3).zip(red).zip(green).zip(blue) {
+            for (byte, value) in pixel.iter_mut().zip(apply(&COLOUR_MATRIX, [*r, *g, *b])) {
+                let step = value.clamp(0.0, 1.0) * (TONE_STEPS - 1) as f32 + 0.5;
+                *byte = self.tone[step as usize];
+            }
+        }
+    }
+}
+
+/// One exposure.
+#[derive(Debug, Clone, Copy)]
+pub struct Shot<'a> {
+    /// The scene's settings.
+    pub look: &'a Look,
+    /// Exposure (see [`Look::exposure`]), resolved.
+    pub exposure: f32,
+    /// The laser's brightness command, 0 to 1.
+    pub drive: f32,
+    /// Number of the frame; chooses the noise.
+    pub frame: u64,
+}
+
+fn apply(matrix: &[[f32; 3]; 3], [x, y, z]: LinearColour) -> LinearColour {
+    matrix.map(|row| row[0] * x + row[1] * y + row[2] * z)
+}
+
+/// The inverse of a 3x3 matrix by cofactors.
+fn inverse(m: [[f32; 3]; 3]) -> [[f32; 3]; 3] {
+    let minor = |r: usize, c: usize| {
+        let (r1, r2, c1, c2) = ((r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3);
+        m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1]
+    };
+    let determinant = (0..3).map(|c| m[0][c] * minor(0, c)).sum::<f32>();
+    std::array::from_fn(|r| std::array::from_fn(|c| minor(c, r) / determinant))
+}
+
+/// The sRGB tone curve (IEC 61966-2-1) as a byte.
+fn to_srgb(linear: f32) -> u8 {
+    let toned = if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
+    (toned * 255.0 + 0.5) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shot(look: &Look) -> Shot<'_> {
+        Shot { look, exposure: 1.0, drive: 1.0, frame: 3 }
+    }
+
+    fn flat(sensor: &Sensor, colour: LinearColour, width: usize, height: usize) -> RawPlanes {
+        let raw = sensor.to_raw(colour);
+        let row: Vec<f32> = raw.iter().flat_map(|value| vec![*value; width]).collect();
+        RawPlanes { values: row.repeat(height) }
+    }
+
+    #[test]
+    fn colours_come_out_as_they_went_in() {
+        let sensor = Sensor::new(1);
+        let look = Look { full_well_electrons: 1e6, read_noise_electrons: 0.0, ..Look::default() };
+        let mut picture = Picture::black(64, 8);
+        sensor.expose(&flat(&sensor, [0.5, 0.2, 0.1], 64, 8), &[0.0; 512], &shot(&look), &mut picture);
+        let expected = [188, 124, 89];
+        for pixel in picture.rgb.chunks_exact(3) {
+            assert!((0..3).all(|c| pixel[c].abs_diff(expected[c]) <= 2), "{pixel:?}");
+        }
+    }
+
+    #[test]
+    fn noise_grows_with_light_as_its_square_root_and_differs_by_frame() {
+        let sensor = Sensor::new(1);
+        let look = Look::default();
+        let deviation = |level: f32| {
+            let mut raw = vec![level; 3 * 4096];
+            sensor.collect(&mut raw, &[0.0; 4096], &shot(&look), 0);
+            let mean = raw.iter().sum::<f32>() / raw.len() as f32;
+            (raw.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / raw.len() as f32).sqrt()
+        };
+        let ratio = deviation(0.4) / deviation(0.1);
+        assert!((ratio - 2.0).abs() < 0.1, "{ratio}");
+        let picture = |frame| {
+            let mut picture = Picture::black(64, 8);
+            let shot = Shot { frame, ..shot(&look) };
+            sensor.expose(&flat(&sensor, [0.3; 3], 64, 8), &[0.0; 512], &shot, &mut picture);
+            picture
+        };
+        assert_eq!(picture(1), picture(1));
+        assert_ne!(picture(1), picture(2));
+    }
+
+    #[test]
+    fn the_laser_reddens_a_grey_floor_and_darkens_its_green() {
+        let sensor = Sensor::new(1);
+        let look = Look { full_well_electrons: 1e6, ..Look::default() };
+        let mut picture = Picture::black(64, 2);
+        let laser = [vec![0.0; 64], vec![0.04; 64]].concat();
+        sensor.expose(&flat(&sensor, [0.18; 3], 64, 2), &laser, &shot(&look), &mut picture);
+        let (dark, lit) = (picture.at(30, 0), picture.at(30, 1));
+        assert!(lit[0] > dark[0] + 60 && lit[1] + 20 < dark[1], "{dark:?} {lit:?}");
+    }
+}
