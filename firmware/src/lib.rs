@@ -1,2 +1,58 @@
-//! The safety microcontroller.
-#![no_std]
+//! The safety microcontroller's decisions.
+//!
+//! Everything that decides is here, without hardware: time, pins and messages come in as arguments, commands go out
+//! as values. The board's and the emulator's binaries move bytes and pins and nothing else; the host links the same
+//! code as its in-process controller.
+//!
+//! | module | what it decides |
+//! |---|---|
+//! | [`link`] | is this message from the host new, whole, ours and young enough to be believed? |
+//! | [`evidence`] | what does an accepted line-scan prove about the stripe? |
+//! | [`interlock`] | was the reset button pressed and released as a person does? |
+//! | [`relay`] | do the contacts follow their commands, and is the command itself intact? |
+//! | [`flow`] | did the safety task run whole, in order and on time? Only then may a watchdog be fed |
+//! | [`supervisor`] | may the relays be closed? |
+//! | [`safety`] | the controller that ties these together, one tick and one exchange at a time |
+//! | [`lockstep`] | the controller over a byte stream on the host's time, for the emulator |
+//!
+//! Permission to run needs every one of them; a stop needs one.
+#![cfg_attr(not(test), no_std)]
+#![forbid(unsafe_code)]
+#![deny(missing_docs, unused_must_use)]
+#![deny(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::unreachable,
+    clippy::todo,
+    clippy::unimplemented,
+    clippy::indexing_slicing,
+    clippy::string_slice,
+    clippy::as_conversions,
+    clippy::arithmetic_side_effects,
+    clippy::float_cmp,
+    clippy::wildcard_enum_match_arm,
+    clippy::match_wildcard_for_single_variants
+)]
+// Tests may cast, index and compare; the build without tests keeps the strict set for all other code.
+#![cfg_attr(
+    test,
+    allow(
+        clippy::as_conversions,
+        clippy::float_cmp,
+        clippy::arithmetic_side_effects,
+        clippy::indexing_slicing,
+        clippy::wildcard_enum_match_arm
+    )
+)]
+
+pub mod evidence;
+pub mod flow;
+pub mod interlock;
+pub mod link;
+pub mod lockstep;
+pub mod relay;
+pub mod safety;
+pub mod supervisor;
+#[cfg(test)]
+mod testing;

@@ -1,5 +1,6 @@
 //! The Pi host of nearfield.
 
 pub mod capture;
+pub mod link;
 pub mod rig_file;
 pub mod twin;

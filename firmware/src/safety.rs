@@ -1,0 +1,324 @@
+//! The safety controller: one tick and one exchange at a time, every decision in one place.
+//!
+//! [`SafetyController::tick`] runs every [`TICK_PERIOD`](nearfield_shared::limits::TICK_PERIOD) and is the only place
+//! that can close the relays. [`SafetyController::on_exchange`] takes what an exchange with the host brought and can
+//! only open them, at once. It is about 35 KB large: keep it in a static.
+
+use crate::evidence::{Evidence, Judge};
+use crate::flow::{Checkpoint, FeedPermit, FlowMonitor};
+use crate::interlock::ResetButton;
+use crate::link::{Accepted, LinkCounts, Receiver};
+use crate::relay::{MirrorContacts, Relays};
+use crate::supervisor::{self, Inputs, State};
+use nearfield_shared::causes::{StopCause, StopCauses};
+use nearfield_shared::columns::{Decimation, GeometryError};
+use nearfield_shared::cutoff::Cutoff;
+use nearfield_shared::height::Heights;
+use nearfield_shared::limits::{LARGEST_COLUMN_COUNT, LONGEST_CAPTURE_AGE, LONGEST_MESSAGE_AGE};
+use nearfield_shared::monitor::{StripeMonitor, StripeReport};
+use nearfield_shared::rig::{CompactRigError, Rig};
+use nearfield_shared::status::{Challenge, Channels, ResetCause, STATUS_LENGTH, StateCode, Status};
+use nearfield_shared::units::{CalibrationId, Micros, Millimetres, SourceId};
+
+/// Names this firmware in its status: major, minor (one byte each) and patch version (two bytes).
+pub const FIRMWARE_ID: u32 = {
+    let [major, minor, patch] = [
+        version_part(env!("CARGO_PKG_VERSION_MAJOR")),
+        version_part(env!("CARGO_PKG_VERSION_MINOR")),
+        version_part(env!("CARGO_PKG_VERSION_PATCH")),
+    ];
+    (major << 24) | (minor << 16) | patch
+};
+
+const fn version_part(digits: &str) -> u32 {
+    match u32::from_str_radix(digits, 10) {
+        Ok(part) => part,
+        Err(_) => 0,
+    }
+}
+
+/// The laser's drive at full brightness.
+pub const LASER_FULL: u8 = u8::MAX;
+/// The laser off.
+pub const LASER_OFF: u8 = 0;
+
+/// What the input pins say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct PinInputs {
+    /// The relays' mirror contacts.
+    pub mirror: MirrorContacts,
+    /// The reset button is pressed.
+    pub reset_pressed: bool,
+}
+
+/// The lamp that tells people what the controller waits for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Indicator {
+    /// Testing itself.
+    Testing,
+    /// Waiting for the reset button.
+    WaitingForReset,
+    /// The relays may close.
+    Permitted,
+    /// Stopped by a cause.
+    Stopped,
+    /// Locked out: call service.
+    Service,
+}
+
+/// What the output pins are to be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Outputs {
+    /// The relays' coils.
+    pub relays: Channels,
+    /// The laser's brightness, 0 = off, 255 = full.
+    pub laser_level: u8,
+    /// The lamp.
+    pub indicator: Indicator,
+}
+
+impl Outputs {
+    /// What pins are before the controller has said anything, and after any reset: everything off.
+    pub const SAFE: Self =
+        Self { relays: Channels::OPEN, laser_level: LASER_OFF, indicator: Indicator::Testing };
+}
+
+/// What a tick yields.
+#[derive(Debug)]
+pub struct TickOutput {
+    /// For the pins.
+    pub outputs: Outputs,
+    /// For the watchdogs, after the pins were set; `None` = do not feed them.
+    pub permit: Option<FeedPermit>,
+}
+
+/// Why the stored rig cannot be used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ConfigurationError {
+    /// The stored bytes are no valid rig.
+    Rig(CompactRigError),
+    /// A valid rig that yields no column maps.
+    Geometry(GeometryError),
+}
+
+/// The report before the first line-scan.
+const UNSEEN: StripeReport = StripeReport {
+    cutoff: Cutoff { voted: None, single: None, floor_columns: 0 },
+    heights: Heights { highest: None, lowest: None, longest_unknown: Millimetres::ZERO },
+    large: false,
+    watched_columns: 0,
+};
+
+/// The whole controller; see the module's documentation.
+#[derive(Debug)]
+pub struct SafetyController {
+    source: SourceId,
+    monitor: StripeMonitor<LARGEST_COLUMN_COUNT>,
+    calibration: Option<CalibrationId>,
+    reset_cause: ResetCause,
+    receiver: Receiver,
+    judge: Judge,
+    report: StripeReport,
+    evidence: Option<Evidence>,
+    /// Causes since the last tick.
+    events: StopCauses,
+    live: StopCauses,
+    state: State,
+    relays: Relays,
+    mirror: MirrorContacts,
+    button: ResetButton,
+    flow: FlowMonitor,
+    statuses_sent: u32,
+    decision_age: Micros,
+    longest_decision_age: Micros,
+}
+
+impl SafetyController {
+    /// Everything open, nothing known; see [`Self::start`].
+    #[must_use]
+    pub const fn new(source: SourceId) -> Self {
+        Self {
+            source,
+            monitor: StripeMonitor::new(),
+            calibration: None,
+            reset_cause: ResetCause::Unknown,
+            receiver: Receiver::new(source, None, 0),
+            judge: Judge::new(),
+            report: UNSEEN,
+            evidence: None,
+            events: StopCauses::NONE,
+            live: StopCauses::NONE.with(StopCause::SelfTest),
+            state: State::SelfTest { latched: StopCauses::NONE },
+            relays: Relays::new(),
+            mirror: MirrorContacts { a: false, b: false },
+            button: ResetButton::new(),
+            flow: FlowMonitor::new(),
+            statuses_sent: 0,
+            decision_age: Micros::ZERO,
+            longest_decision_age: Micros::ZERO,
+        }
+    }
+
+    /// After every reset of the chip: forgets everything, takes the stored rig (its compact form) and the reason of
+    /// the reset. Without a valid rig the relays never close. Filling the maps takes about a second on the board, so
+    /// the watchdogs start afterwards.
+    ///
+    /// # Errors
+    /// Why there is no valid rig (for a log; the controller has already taken it as a cause to stop).
+    pub fn start(&mut self, reset_cause: ResetCause, stored_rig: &[u8]) -> Result<(), ConfigurationError> {
+        self.calibration = None;
+        let configured = self.configure(stored_rig);
+        let columns = self.monitor.geometry().column_count();
+        self.receiver = Receiver::new(self.source, self.calibration, columns);
+        self.reset_cause = reset_cause;
+        self.judge = Judge::new();
+        self.report = UNSEEN;
+        self.evidence = None;
+        self.events = StopCauses::NONE;
+        let watchdog = reset_cause == ResetCause::Watchdog;
+        self.state =
+            State::SelfTest { latched: StopCauses::NONE.with_if(StopCause::WatchdogReset, watchdog) };
+        self.live = StopCauses::NONE.with(StopCause::SelfTest);
+        self.relays = Relays::new();
+        self.mirror = MirrorContacts { a: false, b: false };
+        self.button = ResetButton::new();
+        self.flow = FlowMonitor::new();
+        self.statuses_sent = 0;
+        self.decision_age = Micros::ZERO;
+        self.longest_decision_age = Micros::ZERO;
+        configured
+    }
+
+    fn configure(&mut self, stored_rig: &[u8]) -> Result<(), ConfigurationError> {
+        let rig = Rig::from_bytes(stored_rig).map_err(ConfigurationError::Rig)?;
+        let decimation = Decimation::for_line_scan(rig.image().width);
+        self.monitor.configure(&rig, decimation).map_err(ConfigurationError::Geometry)?;
+        self.calibration = Some(rig.calibration_id());
+        Ok(())
+    }
+
+    /// One tick of the safety task.
+    pub fn tick(&mut self, now: Micros, pins: PinInputs) -> TickOutput {
+        self.flow.begin(now);
+        self.mirror = pins.mirror;
+        let feedback = self.relays.check(now, pins.mirror);
+        let armed = self.state.code() == StateCode::Interlocked;
+        let button = self.button.step(now, pins.reset_pressed, armed);
+        self.flow.pass(Checkpoint::Inputs);
+        self.receiver.expire(now);
+        self.flow.pass(Checkpoint::Link);
+        let inputs = Inputs {
+            evidence: self.evidence,
+            link: self.receiver.faults(),
+            events: self.events,
+            feedback,
+            command_intact: self.relays.is_memory_intact(),
+            flow_intact: self.flow.is_intact(),
+            configured: self.calibration.is_some(),
+            button_stuck: button.stuck,
+            reset: button.reset,
+        };
+        let (state, decision) = supervisor::step(self.state, now, &inputs);
+        (self.state, self.live, self.events) = (state, decision.live, StopCauses::NONE);
+        self.flow.pass(Checkpoint::Decision);
+        if decision.close_relays {
+            self.relays.close();
+        } else {
+            self.relays.open();
+        }
+        self.flow.pass(Checkpoint::Command);
+        TickOutput { outputs: self.outputs(), permit: self.flow.finish() }
+    }
+
+    /// An exchange with the host has taken place: the last [`Self::status`] went out, and a line-scan came in, or
+    /// none. Opens the relays at once if it gives a reason to; closing is the tick's.
+    pub fn on_exchange(&mut self, now: Micros, line_scan: Option<&[u8]>) -> Outputs {
+        self.statuses_sent = self.statuses_sent.saturating_add(1);
+        self.receiver.status_sent(self.statuses_sent, now);
+        if let Some(message) = line_scan {
+            let causes = match self.receiver.receive(now, message) {
+                Ok(accepted) => self.evaluate(now, &accepted),
+                Err(refusal) => StopCauses::NONE.with(refusal.cause()),
+            };
+            self.raise(causes);
+        }
+        self.outputs()
+    }
+
+    /// Takes the evidence of an accepted line-scan; returns the causes that it leaves standing.
+    fn evaluate(&mut self, now: Micros, accepted: &Accepted<'_>) -> StopCauses {
+        if accepted.after_silence {
+            self.monitor.reset();
+            self.judge.reset();
+        }
+        self.report = self.monitor.update(accepted.scan.readings());
+        let evidence = self.judge.judge(now, &self.report, accepted.scan.header().verdict);
+        self.evidence = Some(evidence);
+        self.decision_age = accepted.age;
+        self.longest_decision_age = self.longest_decision_age.max(accepted.age);
+        evidence.standing()
+    }
+
+    fn raise(&mut self, causes: StopCauses) {
+        self.events = self.events.union(causes);
+        if !causes.is_empty() {
+            self.relays.open();
+        }
+    }
+
+    /// What the pins are to be.
+    #[must_use]
+    pub fn outputs(&self) -> Outputs {
+        let code = self.state.code();
+        Outputs {
+            relays: self.relays.command(),
+            laser_level: if code == StateCode::Lockout { LASER_OFF } else { LASER_FULL },
+            indicator: match code {
+                StateCode::SelfTest => Indicator::Testing,
+                StateCode::Interlocked => Indicator::WaitingForReset,
+                StateCode::Running => Indicator::Permitted,
+                StateCode::Stopped => Indicator::Stopped,
+                StateCode::Lockout => Indicator::Service,
+            },
+        }
+    }
+
+    /// The status to send in the next exchange. Its number moves on with [`Self::on_exchange`].
+    #[must_use]
+    pub fn status(&self, now: Micros) -> [u8; STATUS_LENGTH] {
+        let LinkCounts { accepted, refused } = self.receiver.counts();
+        Status {
+            source: self.source,
+            calibration: self.calibration,
+            firmware: FIRMWARE_ID,
+            number: self.statuses_sent.saturating_add(1),
+            echoed_sequence: self.receiver.echoed_sequence(),
+            now,
+            state: self.state.code(),
+            relay_command: self.relays.command(),
+            relay_readback: self.mirror.main_contacts(),
+            reset_cause: self.reset_cause,
+            live_causes: self.live.union(self.events),
+            latched_causes: self.state.latched(),
+            longest_gap: self.report.cutoff.voted,
+            highest: self.report.heights.highest,
+            lowest: self.report.heights.lowest.map(|lowest| lowest.height),
+            longest_unknown: self.report.heights.longest_unknown,
+            size: self.report.size(),
+            laser_level: self.outputs().laser_level,
+            decision_age: self.decision_age,
+            longest_decision_age: self.longest_decision_age,
+            response_bound: LONGEST_CAPTURE_AGE.plus(LONGEST_MESSAGE_AGE),
+            accepted,
+            refused,
+            challenge: Challenge::default(),
+        }
+        .to_bytes()
+    }
+
+    /// The rig in use.
+    #[must_use]
+    pub const fn calibration(&self) -> Option<CalibrationId> {
+        self.calibration
+    }
+}

@@ -1,0 +1,1 @@
+//! For this crate's unit tests.
