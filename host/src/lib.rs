@@ -1,6 +1,10 @@
 //! The Pi host of nearfield.
 
 pub mod capture;
+pub mod cli;
+pub mod line_scan;
 pub mod link;
 pub mod rig_file;
+pub mod scene_file;
 pub mod twin;
+pub mod vision;

@@ -1,0 +1,216 @@
+//! Tiers 1 and 2 over the whole picture: gaps in millimetres, what stands in them and how high it is.
+//!
+//! Tier 1 is the code that the microcontroller runs ([`StripeMonitor`]), fed with every image column. Tier 2 sees
+//! more than the line-scan can carry: also stripe points in columns in which the floor is lit elsewhere.
+
+use nearfield_shared::columns::{Decimation, GeometryError};
+use nearfield_shared::cutoff::Gap;
+use nearfield_shared::height::SizeClass;
+use nearfield_shared::limits::VOTE_FRAMES;
+use nearfield_shared::monitor::{StripeMonitor, StripeReport};
+use nearfield_shared::rig::Rig;
+use nearfield_shared::units::Millimetres;
+
+use super::extractor::{Extractor, ForeignFrame, OffFloorPoint};
+use super::grid::MOST_COLUMNS;
+use super::profile::Profile;
+use crate::capture::FrameView;
+
+/// Points of one object lie no farther apart than this along the stripe, millimetres: the least distance at which the
+/// floor between two objects would be seen by tier 1.
+const OBJECT_SEPARATION_MM: f32 = 8.0;
+/// An object's height is the height that this share of its points do not exceed: its edge counts, one glint does not.
+const HEIGHT_QUANTILE: f32 = 0.95;
+/// Heights are smoothed over this many points of a line before, so that the quantile is not the noise's.
+const SMOOTHED_POINTS: usize = 5;
+
+/// Something that takes the stripe off the floor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StripeObject {
+    /// First laser ray that it stops.
+    pub start: Millimetres,
+    /// Last laser ray that it stops.
+    pub end: Millimetres,
+    /// Height over the floor, negative for a drop; `None` where the stripe is not seen on it.
+    pub height: Option<Millimetres>,
+    /// Its class; without a height, and for a drop, it is unknown.
+    pub size: SizeClass,
+}
+
+/// Full-frame analysis of one rig's frames, one after the other.
+#[derive(Debug, Clone)]
+pub struct Analyser {
+    extractor: Extractor,
+    monitor: Box<StripeMonitor<MOST_COLUMNS>>,
+    report: StripeReport,
+    gaps: Vec<Gap>,
+    objects: Vec<StripeObject>,
+    sorted: Vec<OffFloorPoint>,
+    smoothed: Vec<f32>,
+    profile: Profile,
+}
+
+impl Analyser {
+    /// Prepares for a rig.
+    ///
+    /// # Errors
+    /// [`GeometryError`] if the rig's picture does not resolve the stripe.
+    pub fn new(rig: &Rig) -> Result<Self, GeometryError> {
+        let extractor = Extractor::new(rig)?;
+        let mut monitor = Box::new(StripeMonitor::new());
+        monitor.configure(rig, Decimation::none(rig.image().width))?;
+        let columns = usize::from(rig.image().width);
+        Ok(Self {
+            profile: Profile::new(rig),
+            extractor,
+            monitor,
+            report: StripeReport::default(),
+            gaps: Vec::with_capacity(columns),
+            objects: Vec::with_capacity(columns),
+            sorted: Vec::with_capacity(4 * columns),
+            smoothed: Vec::with_capacity(4 * columns),
+        })
+    }
+
+    /// Forgets the frames seen: the vote starts anew.
+    pub fn reset(&mut self) {
+        self.monitor.reset();
+    }
+
+    /// Takes the next frame of a sequence.
+    ///
+    /// # Errors
+    /// [`ForeignFrame`]; the frame then counts as one without any stripe.
+    pub fn update(&mut self, frame: &FrameView<'_>) -> Result<(), ForeignFrame> {
+        let result = self.extractor.extract(frame);
+        self.evaluate();
+        result
+    }
+
+    /// Judges a picture by itself: forgets what was before, and shows the picture until the vote is full.
+    ///
+    /// # Errors
+    /// As [`Self::update`].
+    pub fn judge(&mut self, frame: &FrameView<'_>) -> Result<(), ForeignFrame> {
+        self.reset();
+        let result = self.extractor.extract(frame);
+        for _ in 0..VOTE_FRAMES {
+            self.evaluate();
+        }
+        result
+    }
+
+    fn evaluate(&mut self) {
+        self.gaps.clear();
+        let gaps = &mut self.gaps;
+        self.report =
+            self.monitor.update_with(self.extractor.readings().iter().copied(), |gap| gaps.push(gap), |_| {});
+        self.gaps.sort_unstable_by(|one, other| one.start.get().total_cmp(&other.start.get()));
+        self.collect_objects();
+        self.profile.fill(&self.extractor);
+    }
+
+    fn collect_objects(&mut self) {
+        self.objects.clear();
+        self.sorted.clear();
+        self.sorted.extend_from_slice(self.extractor.points());
+        smooth_heights(&mut self.sorted, &mut self.smoothed);
+        self.sorted.sort_unstable_by(|one, other| one.place.total_cmp(&other.place));
+        let apart =
+            |one: &OffFloorPoint, other: &OffFloorPoint| other.place - one.place <= OBJECT_SEPARATION_MM;
+        for points in self.sorted.chunk_by(apart) {
+            let [first, .., last] = points else { continue };
+            self.smoothed.clear();
+            self.smoothed.extend(points.iter().map(|point| point.height));
+            let height = Millimetres::new(robust_extreme(&mut self.smoothed));
+            let size = if height > Millimetres::ZERO { SizeClass::of(height) } else { SizeClass::Unknown };
+            self.objects.push(StripeObject {
+                start: Millimetres::new(first.place),
+                end: Millimetres::new(last.place),
+                height: Some(height),
+                size,
+            });
+        }
+        let seen = self.objects.len();
+        for gap in &self.gaps {
+            let explained = self
+                .objects
+                .iter()
+                .take(seen)
+                .any(|object| object.start <= gap.end && object.end >= gap.start);
+            if !explained {
+                let (start, end) = (gap.start, gap.end);
+                self.objects.push(StripeObject { start, end, height: None, size: SizeClass::Unknown });
+            }
+        }
+        self.objects.sort_unstable_by(|one, other| one.start.get().total_cmp(&other.start.get()));
+    }
+
+    /// The extraction of the last frame.
+    #[must_use]
+    pub const fn extractor(&self) -> &Extractor {
+        &self.extractor
+    }
+
+    /// What the monitor found with the last frame.
+    #[must_use]
+    pub const fn report(&self) -> &StripeReport {
+        &self.report
+    }
+
+    /// The gaps of the vote, along the stripe.
+    #[must_use]
+    pub fn gaps(&self) -> &[Gap] {
+        &self.gaps
+    }
+
+    /// The objects of the last frame, along the stripe.
+    #[must_use]
+    pub fn objects(&self) -> &[StripeObject] {
+        &self.objects
+    }
+
+    /// Heights along the stripe in the last frame.
+    #[must_use]
+    pub const fn profile(&self) -> &Profile {
+        &self.profile
+    }
+
+    /// Is there any stripe in the last frame?
+    #[must_use]
+    pub const fn is_stripe_found(&self) -> bool {
+        !self.report.is_stripe_missing()
+    }
+}
+
+/// Replaces each point's height by the median around it on its line. The points come line by line.
+fn smooth_heights(points: &mut [OffFloorPoint], heights: &mut Vec<f32>) {
+    heights.clear();
+    heights.extend(points.iter().map(|point| point.height));
+    for index in 0..points.len() {
+        let mut around = [0.0; SMOOTHED_POINTS];
+        let mut count = 0;
+        for other in
+            index.saturating_sub(SMOOTHED_POINTS / 2)..(index + SMOOTHED_POINTS / 2 + 1).min(points.len())
+        {
+            if points[other].line == points[index].line {
+                around[count] = heights[other];
+                count += 1;
+            }
+        }
+        let (_, median, _) = around[..count].select_nth_unstable_by(count / 2, f32::total_cmp);
+        points[index].height = *median;
+    }
+}
+
+/// The height that represents an object: a high quantile, or for a drop the corresponding low one.
+fn robust_extreme(heights: &mut [f32]) -> f32 {
+    if heights.is_empty() {
+        return f32::NAN;
+    }
+    let raised = heights.iter().filter(|height| **height > 0.0).count();
+    let share = if 2 * raised >= heights.len() { HEIGHT_QUANTILE } else { 1.0 - HEIGHT_QUANTILE };
+    let rank = (share * (heights.len() - 1) as f32).round() as usize;
+    let (_, height, _) = heights.select_nth_unstable_by(rank, f32::total_cmp);
+    *height
+}

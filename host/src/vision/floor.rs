@@ -1,0 +1,227 @@
+//! Is the stripe lit on the floor in this column, and at which row exactly?
+//!
+//! The rig says where the stripe on a free floor must appear, so a dim stripe is only asked for at one place, where
+//! little contrast proves it. What counts as enough is measured in the picture itself: the contrast must exceed what
+//! texture and noise reach just beside the stripe. A gap is never smoothed over: a weak column is believed between
+//! two strong ones, two weak ones in a row are not.
+
+use super::grid::Grid;
+use super::peak::{Kernel, LONGEST_WINDOW, Peak, Ridge};
+use super::signal::Signal;
+
+/// Contrast in standard deviations of the background's running mean from which on a column is lit. The smallest
+/// quality that counts on the MCU stands for it.
+pub const SURE_CONTRAST: f32 = 5.0;
+/// The same for columns between two that are sure.
+const BETWEEN_CONTRAST: f32 = 2.5;
+/// Lens, sensor and image processor spread a bright column over its neighbours: where the stripe ends, its contrast
+/// falls over several columns. The end is where it has fallen to half, so a column with less than this share of the
+/// strongest contrast within [`SPREAD_COLUMNS`] is beyond the end.
+const SPREAD_SHARE: f32 = 0.5;
+/// How far back to look for the strongest contrast, samples. Farther, and the bright side of a paint's edge would
+/// darken the dark one.
+const SPREAD_COLUMNS: usize = 3;
+/// Where speckle leaves columns weak between two that are sure, they are believed up to this length, millimetres.
+const BRIDGED_MM: f32 = 1.0;
+/// The background's variation is pooled over this many columns on both sides.
+const POOLED_COLUMNS: usize = 16;
+/// Variation below this is not believed: quantisation hides it (levels of the running mean).
+const LEAST_NOISE: f32 = 0.4;
+/// The background's variation is measured in every so manieth column: it is pooled anyway.
+const NOISE_STRIDE: usize = 4;
+
+/// One column's finding. Rows are rows of samples.
+#[derive(Debug, Clone, Copy)]
+pub struct FloorColumn {
+    /// The ridge at the floor's place, its row within the picture; `None` where nothing stands out.
+    pub peak: Option<Peak>,
+    /// Standard deviation of the background's running mean.
+    pub noise: f32,
+    /// Row averaged over neighbours where the signal is weak; NaN where the stripe is not lit.
+    pub row: f32,
+    /// The stripe is lit here, at the floor's row.
+    pub lit: bool,
+}
+
+impl FloorColumn {
+    const UNKNOWN: Self = Self { peak: None, noise: f32::NAN, row: f32::NAN, lit: false };
+
+    /// Contrast in standard deviations; zero where there is none.
+    #[must_use]
+    pub fn significance(&self) -> f32 {
+        self.peak.map_or(0.0, |peak| peak.contrast / self.noise)
+    }
+
+    fn contrast(&self) -> f32 {
+        self.peak.map_or(0.0, |peak| peak.contrast)
+    }
+}
+
+/// Colour that demosaicing, sharpening and the lens give to an edge between bright and dark, as a share of the step;
+/// 10 % is the most that was seen.
+const FRINGE_SHARE: f32 = 0.12;
+/// The full step of brightness.
+const WHOLE_STEP: f32 = 255.0;
+
+/// Is a ridge no more than the colour fringe of an edge between bright and dark (grout, a board's squares)?
+pub fn is_fringe<S: Signal>(signal: S, column: usize, peak: &Peak) -> bool {
+    if peak.contrast >= FRINGE_SHARE * WHOLE_STEP {
+        return false;
+    }
+    let near = Kernel::for_step(S::STEP).near;
+    let crest = peak.row.round().max(0.0) as usize;
+    let tones = (crest.saturating_sub(near)..(crest + near + 1).min(signal.rows()))
+        .map(|row| signal.tone(column, row));
+    let (low, high) = tones.fold((i16::MAX, i16::MIN), |(low, high), tone| (low.min(tone), high.max(tone)));
+    peak.contrast < FRINGE_SHARE * f32::from(high.saturating_sub(low))
+}
+
+/// Finds the floor's stripe in all columns of a grid; owns its memory.
+#[derive(Debug, Clone)]
+pub struct FloorFinder {
+    columns: Vec<FloorColumn>,
+    scratch: Vec<f32>,
+}
+
+impl FloorFinder {
+    /// Room for a grid.
+    #[must_use]
+    pub fn new(grid: &Grid) -> Self {
+        let count = grid.columns().len();
+        Self { columns: vec![FloorColumn::UNKNOWN; count], scratch: vec![0.0; count] }
+    }
+
+    /// The findings of the last frame, one for each of the grid's columns.
+    #[must_use]
+    pub fn columns(&self) -> &[FloorColumn] {
+        &self.columns
+    }
+
+    /// Looks at one frame.
+    pub fn find<S: Signal>(&mut self, signal: S, grid: &Grid) {
+        self.measure(signal, grid);
+        self.pool_noise();
+        self.decide(grid);
+        self.settle_rows(grid);
+    }
+
+    fn measure<S: Signal>(&mut self, signal: S, grid: &Grid) {
+        let kernel = Kernel::for_step(S::STEP);
+        let reach = kernel.far + kernel.length() + 1;
+        let mut window = [0_i16; LONGEST_WINDOW];
+        for (index, (found, place)) in self.columns.iter_mut().zip(grid.columns()).enumerate() {
+            *found = FloorColumn::UNKNOWN;
+            let centre = place.floor_row.round();
+            if !(centre >= 0.0 && centre < signal.rows() as f32) {
+                continue;
+            }
+            let centre = centre as usize;
+            let first = centre.saturating_sub(reach);
+            let end = (centre + reach + 1).min(signal.rows()).min(first + LONGEST_WINDOW);
+            for (sample, row) in window.iter_mut().zip(first..end) {
+                *sample = signal.value(grid.first() + index, row);
+            }
+            let ridge = Ridge::new(&window[..end - first], kernel);
+            let middle = centre - first;
+            let search = place.tolerance.ceil() as usize + 1;
+            found.peak = ridge.peak(middle.saturating_sub(search)..middle + search + 1);
+            if let Some(peak) = &mut found.peak {
+                peak.row += first as f32;
+                if is_fringe(signal, grid.first() + index, peak) {
+                    found.peak = None;
+                }
+            }
+            if index % NOISE_STRIDE == 0 {
+                found.noise = ridge.roughness(middle, kernel.near + kernel.half);
+            }
+        }
+    }
+
+    /// Replaces each measured column's variation, known from a few values only, by the mean around it.
+    fn pool_noise(&mut self) {
+        for (copy, column) in self.scratch.iter_mut().zip(&self.columns) {
+            *copy = column.noise;
+        }
+        let (mut sum, mut count, mut first, mut end) = (0.0_f64, 0_u32, 0, 0);
+        for (index, column) in self.columns.iter_mut().enumerate() {
+            while end < self.scratch.len().min(index + POOLED_COLUMNS + 1) {
+                if !self.scratch[end].is_nan() {
+                    (sum, count) = (sum + f64::from(self.scratch[end]), count + 1);
+                }
+                end += 1;
+            }
+            while first + POOLED_COLUMNS < index {
+                if !self.scratch[first].is_nan() {
+                    (sum, count) = (sum - f64::from(self.scratch[first]), count - 1);
+                }
+                first += 1;
+            }
+            // Without any measurement nothing is significant.
+            column.noise =
+                if count == 0 { f32::INFINITY } else { ((sum / f64::from(count)) as f32).max(LEAST_NOISE) };
+        }
+    }
+
+    fn decide(&mut self, grid: &Grid) {
+        for (contrast, column) in self.scratch.iter_mut().zip(&self.columns) {
+            *contrast = column.contrast();
+        }
+        for (index, column) in self.columns.iter_mut().enumerate() {
+            let end = (index + SPREAD_COLUMNS + 1).min(self.scratch.len());
+            let around = &self.scratch[index.saturating_sub(SPREAD_COLUMNS)..end];
+            let strongest = around.iter().copied().fold(0.0, f32::max);
+            let ended = column.contrast() < SPREAD_SHARE * strongest;
+            column.lit = !ended && column.significance() >= SURE_CONTRAST;
+        }
+        self.bridge(grid);
+    }
+
+    /// Believes short runs of weaker columns between two sure ones.
+    fn bridge(&mut self, grid: &Grid) {
+        let mut sure: Option<usize> = None;
+        for index in 0..self.columns.len() {
+            if self.columns[index].lit {
+                if let Some(before) = sure {
+                    let length = (grid.columns()[index].place - grid.columns()[before].place).abs();
+                    let between = &mut self.columns[before + 1..index];
+                    if length <= BRIDGED_MM || between.len() == 1 {
+                        for column in between {
+                            column.lit = column.significance() >= BETWEEN_CONTRAST;
+                        }
+                    }
+                }
+                sure = Some(index);
+            }
+        }
+    }
+
+    /// The row of each lit column relative to the floor's, averaged over up to two lit neighbours on both sides where
+    /// noise would move it, then the last condition: the row is the floor's.
+    fn settle_rows(&mut self, grid: &Grid) {
+        for ((offset, column), place) in self.scratch.iter_mut().zip(&self.columns).zip(grid.columns()) {
+            *offset = column.peak.filter(|_| column.lit).map_or(f32::NAN, |peak| peak.row - place.floor_row);
+        }
+        for (index, place) in grid.columns().iter().enumerate() {
+            let column = &self.columns[index];
+            let reach = match column.significance() {
+                weak if weak < 2.0 * SURE_CONTRAST => 2,
+                fair if fair < 4.0 * SURE_CONTRAST => 1,
+                _ => 0,
+            };
+            let (mut weight, mut moment) = (0.0, 0.0);
+            for other in index.saturating_sub(reach)..(index + reach + 1).min(self.columns.len()) {
+                let offset = self.scratch[other];
+                // A neighbour on another surface says nothing about this one.
+                if (offset - self.scratch[index]).abs() <= 2.0 {
+                    let contrast = self.columns[other].contrast();
+                    weight += contrast;
+                    moment += contrast * offset;
+                }
+            }
+            let column = &mut self.columns[index];
+            let offset = moment / weight;
+            column.lit &= weight > 0.0 && offset.abs() <= place.tolerance;
+            column.row = if column.lit { place.floor_row + offset } else { f32::NAN };
+        }
+    }
+}

@@ -1,0 +1,337 @@
+//! Where the stripe is gone from the floor: does it appear elsewhere, and where on what object?
+//!
+//! Each ray of the laser hits one thing, the first in its way. So a stripe off the floor is believed only for rays
+//! whose place on the floor is dark, and of several candidates for one ray (a reflection in a wet floor, a glare on a
+//! glossy side, texture) only one, that of the longer and stronger line. Candidates must form a line over several
+//! columns; a single bright spot is none.
+
+use super::floor::{FloorColumn, SURE_CONTRAST, is_fringe};
+use super::grid::{Grid, PictureGeometry};
+use super::peak::{Kernel, LONGEST_WINDOW, Ridge};
+use super::signal::{SEGMENT_BITS, SEGMENT_ROWS, Signal};
+
+/// Length of the stretches in which rays are counted, millimetres.
+const RAY_BIN_MM: f32 = 0.5;
+/// Dark stretches are widened by this on both sides: the ray's place is known to about this, millimetres.
+const RAY_MARGIN_MM: f32 = 1.5;
+/// Fewest columns of a line.
+const FEWEST_COLUMNS: u32 = 3;
+/// Mean contrast that a line needs, in standard deviations of the background.
+const LINE_CONTRAST: f32 = 6.0;
+/// A line may move by this many samples from column to column ...
+const LINE_STEP: f32 = 4.0;
+/// ... and miss this many columns.
+const LINE_HOLES: usize = 3;
+/// A stripe is no wider than this many kernels; a glow is.
+const WIDEST_KERNELS: f32 = 4.0;
+/// Lines that are followed at a time; more is texture.
+const OPEN_LINES: usize = 24;
+/// Candidates for which there is room; a picture with more shows texture, and the weaker ones change nothing.
+const MOST_CANDIDATES: usize = 1 << 16;
+
+/// A point of the stripe off the floor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RaisedPoint {
+    /// Index of the grid's column.
+    pub column: usize,
+    /// Row of samples.
+    pub row: f32,
+    /// Height over the floor, millimetres (negative: below it).
+    pub height: f32,
+    /// Place of its ray on the floor, millimetres.
+    pub place: f32,
+    /// Contrast in standard deviations of the background.
+    pub significance: f32,
+    /// Which line it belongs to.
+    pub line: u32,
+    contrast: f32,
+}
+
+/// A line of candidates.
+#[derive(Debug, Clone, Copy)]
+struct Line {
+    number: u32,
+    columns: u32,
+    contrast: f32,
+    significance: f32,
+    last_column: usize,
+    last_row: f32,
+}
+
+/// Finds the stripe off the floor; owns its memory.
+#[derive(Debug, Clone)]
+pub struct RaisedFinder {
+    keys: Vec<u16>,
+    rays: Rays,
+    points: Vec<RaisedPoint>,
+    lines: Vec<Line>,
+    order: Vec<u32>,
+    open: Vec<u32>,
+}
+
+impl RaisedFinder {
+    /// Room for a grid.
+    #[must_use]
+    pub fn new(grid: &Grid) -> Self {
+        Self {
+            keys: vec![0; grid.columns().len() * grid.segments().len()],
+            rays: Rays::new(grid),
+            points: Vec::with_capacity(MOST_CANDIDATES),
+            lines: Vec::with_capacity(MOST_CANDIDATES),
+            order: Vec::with_capacity(MOST_CANDIDATES),
+            open: Vec::with_capacity(OPEN_LINES),
+        }
+    }
+
+    /// The points found in the last frame, by line and column.
+    #[must_use]
+    pub fn points(&self) -> &[RaisedPoint] {
+        &self.points
+    }
+
+    /// Looks at one frame, in which `floor` is lit.
+    pub fn find<S: Signal>(
+        &mut self,
+        signal: S,
+        grid: &Grid,
+        geometry: &PictureGeometry,
+        floor: &[FloorColumn],
+    ) {
+        self.points.clear();
+        self.lines.clear();
+        if !self.rays.set(floor) {
+            return;
+        }
+        self.collect_seeds(signal, grid);
+        self.follow_lines(signal, grid, geometry, floor);
+        self.choose();
+    }
+
+    /// The strongest sample of each column in each segment of rows.
+    fn collect_seeds<S: Signal>(&mut self, signal: S, grid: &Grid) {
+        let width = grid.columns().len();
+        self.keys.fill(0);
+        for (segment, (range, keys)) in
+            grid.segments().iter().zip(self.keys.chunks_exact_mut(width.max(1))).enumerate()
+        {
+            let first_row = segment * SEGMENT_ROWS;
+            for row in first_row..(first_row + SEGMENT_ROWS).min(signal.rows()) {
+                let tag = (row - first_row) as u16;
+                signal.raise(row, grid.first() + range.start, tag, &mut keys[range.clone()]);
+            }
+        }
+    }
+
+    /// Measures the seeds on dark rays, column by column, and joins them to lines.
+    fn follow_lines<S: Signal>(
+        &mut self,
+        signal: S,
+        grid: &Grid,
+        geometry: &PictureGeometry,
+        floor: &[FloorColumn],
+    ) {
+        let width = grid.columns().len();
+        self.open.clear();
+        for (index, (place, floor)) in grid.columns().iter().zip(floor).enumerate() {
+            let lines = &self.lines;
+            self.open.retain(|line| lines[*line as usize].last_column + LINE_HOLES + 1 >= index);
+            let image_column = grid.image_column(index);
+            let Some(map) = geometry.map(image_column) else { continue };
+            let segments = usize::from(place.first_row) / SEGMENT_ROWS
+                ..usize::from(place.end_row).div_ceil(SEGMENT_ROWS);
+            let mut last_row = f32::NEG_INFINITY;
+            for segment in segments {
+                let Some(key) = self.keys.get(segment * width + index) else { break };
+                let row = segment * SEGMENT_ROWS + usize::from(key & ((1 << SEGMENT_BITS) - 1));
+                if *key == 0 || !self.rays.is_dark(geometry.ray_place(map, grid.to_pixels(row as f32))) {
+                    continue;
+                }
+                let Some((peak_row, contrast)) = measure(signal, grid.first() + index, row) else { continue };
+                let significance = contrast / floor.noise;
+                // Neighbouring segments can lead to the same crest.
+                if significance < SURE_CONTRAST || (peak_row - last_row).abs() < 1.0 {
+                    continue;
+                }
+                let pixel_row = grid.to_pixels(peak_row);
+                let (height, ray) = (map.height(pixel_row), geometry.ray_place(map, pixel_row));
+                if (peak_row - place.floor_row).abs() <= place.tolerance || !self.rays.is_dark(ray) {
+                    continue;
+                }
+                last_row = peak_row;
+                if self.points.len() < MOST_CANDIDATES {
+                    let line = self.join(index, peak_row, contrast, significance);
+                    self.points.push(RaisedPoint {
+                        column: index,
+                        row: peak_row,
+                        height,
+                        place: ray,
+                        significance,
+                        line,
+                        contrast,
+                    });
+                }
+            }
+        }
+    }
+
+    /// The line that a candidate continues, or a new one.
+    fn join(&mut self, column: usize, row: f32, contrast: f32, significance: f32) -> u32 {
+        let mut nearest: Option<(f32, u32)> = None;
+        for number in &self.open {
+            let line = &self.lines[*number as usize];
+            if line.last_column == column {
+                continue;
+            }
+            let distance = (line.last_row - row).abs();
+            let columns = (column - line.last_column) as f32;
+            if distance <= LINE_STEP * columns && nearest.is_none_or(|(least, _)| distance < least) {
+                nearest = Some((distance, *number));
+            }
+        }
+        let number = nearest.map_or(self.lines.len() as u32, |(_, number)| number);
+        match self.lines.get_mut(number as usize) {
+            Some(line) => {
+                line.columns += 1;
+                line.contrast += contrast;
+                line.significance += significance;
+                (line.last_column, line.last_row) = (column, row);
+            }
+            None => {
+                self.lines.push(Line {
+                    number,
+                    columns: 1,
+                    contrast,
+                    significance,
+                    last_column: column,
+                    last_row: row,
+                });
+                if self.open.len() < OPEN_LINES {
+                    self.open.push(number);
+                }
+            }
+        }
+        number
+    }
+
+    /// Gives each ray to the strongest line that claims it; lines whose rays are mostly taken are reflections.
+    fn choose(&mut self) {
+        let lines = &mut self.lines;
+        self.order.clear();
+        self.order.extend(lines.iter().filter(|line| line.is_believable()).map(|line| line.number));
+        self.order.sort_unstable_by(|one, other| {
+            let strength = |number: &u32| lines[*number as usize].contrast;
+            strength(other).total_cmp(&strength(one)).then(one.cmp(other))
+        });
+        self.points.sort_unstable_by_key(|point| (point.line, point.column));
+        for line in lines.iter_mut() {
+            line.columns = 0;
+        }
+        for number in &self.order {
+            let from = self.points.partition_point(|point| point.line < *number);
+            let to = self.points.partition_point(|point| point.line <= *number);
+            let points = &self.points[from..to];
+            let taken = points.iter().filter(|point| self.rays.is_taken(point.place)).count();
+            if 2 * taken < points.len() {
+                lines[*number as usize].columns = 1;
+                for pair in points.windows(2) {
+                    self.rays.take(pair[0].place, pair[1].place);
+                }
+            }
+        }
+        self.points.retain(|point| lines[point.line as usize].columns == 1);
+    }
+}
+
+impl Line {
+    fn is_believable(&self) -> bool {
+        self.columns >= FEWEST_COLUMNS && self.significance >= LINE_CONTRAST * self.columns as f32
+    }
+}
+
+/// Row and contrast of the ridge near a seed, if it is as narrow as a stripe.
+fn measure<S: Signal>(signal: S, column: usize, seed: usize) -> Option<(f32, f32)> {
+    let kernel = Kernel::for_step(S::STEP);
+    let reach = kernel.far + kernel.half + 1;
+    let first = seed.saturating_sub(reach);
+    let end = (seed + reach + 1).min(signal.rows());
+    let mut window = [0_i16; LONGEST_WINDOW];
+    for (sample, row) in window.iter_mut().zip(first..end) {
+        *sample = signal.value(column, row);
+    }
+    let ridge = Ridge::new(&window[..end.saturating_sub(first).min(LONGEST_WINDOW)], kernel);
+    let middle = seed - first;
+    let mut peak = ridge.peak(middle.saturating_sub(1)..middle + 2)?;
+    peak.row += first as f32;
+    let narrow = peak.width <= WIDEST_KERNELS * kernel.length() as f32;
+    (narrow && !is_fringe(signal, column, &peak)).then_some((peak.row, peak.contrast))
+}
+
+/// Which rays of the laser reach the floor, in stretches of [`RAY_BIN_MM`].
+#[derive(Debug, Clone)]
+struct Rays {
+    start: f32,
+    bins: Vec<Ray>,
+    /// Place of each grid column's floor point, millimetres.
+    places: Vec<f32>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Ray {
+    /// It reaches the floor.
+    Lit,
+    /// It does not, and nothing is known of what it hits.
+    Dark,
+    /// It does not; a line explains where it ends.
+    Taken,
+}
+
+impl Rays {
+    fn new(grid: &Grid) -> Self {
+        let places: Vec<f32> = grid.columns().iter().map(|column| column.place).collect();
+        let (low, high) = places.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), place| {
+            (low.min(*place), high.max(*place))
+        });
+        let count = if low <= high { ((high - low) / RAY_BIN_MM) as usize + 1 } else { 0 };
+        Self { start: low, bins: vec![Ray::Lit; count], places }
+    }
+
+    /// Marks the dark stretches; true if there is one. A single dark column is not.
+    fn set(&mut self, floor: &[FloorColumn]) -> bool {
+        self.bins.fill(Ray::Lit);
+        let mut any = false;
+        for (index, columns) in floor.windows(2).enumerate() {
+            if columns.iter().all(|column| !column.lit) {
+                any = true;
+                let (one, other) = (self.places[index], self.places[index + 1]);
+                self.mark(one.min(other) - RAY_MARGIN_MM, one.max(other) + RAY_MARGIN_MM, Ray::Dark);
+            }
+        }
+        any
+    }
+
+    fn mark(&mut self, low: f32, high: f32, as_what: Ray) {
+        let bin = |place: f32| ((place - self.start) / RAY_BIN_MM).max(0.0) as usize;
+        let (from, to) = (bin(low), (bin(high) + 1).min(self.bins.len()));
+        if let Some(bins) = self.bins.get_mut(from..to) {
+            bins.fill(as_what);
+        }
+    }
+
+    fn at(&self, place: f32) -> Option<Ray> {
+        let bin = (place - self.start) / RAY_BIN_MM;
+        // NaN and what lies before the stripe are no bins.
+        if bin >= 0.0 { self.bins.get(bin as usize).copied() } else { None }
+    }
+
+    fn is_dark(&self, place: f32) -> bool {
+        self.at(place).is_some_and(|ray| ray != Ray::Lit)
+    }
+
+    fn is_taken(&self, place: f32) -> bool {
+        self.at(place) == Some(Ray::Taken)
+    }
+
+    fn take(&mut self, one: f32, other: f32) {
+        self.mark(one.min(other), one.max(other), Ray::Taken);
+    }
+}
