@@ -18,6 +18,9 @@ mod proof {
     use core::cell::UnsafeCell;
     use core::hint::black_box;
     use core::panic::PanicInfo;
+    use nearfield_firmware::flow::FeedPermit;
+    use nearfield_firmware::relay::MirrorContacts;
+    use nearfield_firmware::safety::{PinInputs, SafetyController};
     use nearfield_shared::action::{Category, action_for};
     use nearfield_shared::camera::Pixel;
     use nearfield_shared::columns::Decimation;
@@ -26,8 +29,8 @@ mod proof {
     use nearfield_shared::linescan::{self, AuditWindow, LINE_SCAN_LENGTH, LineScan, LineScanColumn};
     use nearfield_shared::monitor::StripeMonitor;
     use nearfield_shared::rig::{COMPACT_LENGTH, Rig};
-    use nearfield_shared::status::{STATUS_LENGTH, Status};
-    use nearfield_shared::units::{Millimetres, SignalQuality, SubpixelRow};
+    use nearfield_shared::status::{ResetCause, STATUS_LENGTH, Status};
+    use nearfield_shared::units::{Micros, Millimetres, SignalQuality, SourceId, SubpixelRow};
 
     unsafe extern "C" {
         fn nearfield_a_panic_path_is_left() -> !;
@@ -77,6 +80,9 @@ mod proof {
     static COLUMNS: Unknown<[LineScanColumn; 4]> = Unknown::new([LineScanColumn::MISSING; 4]);
     static SINK: Unknown<u64> = Unknown::new(0);
 
+    static TIME: Unknown<u64> = Unknown::new(0);
+    static PINS: Unknown<[bool; 3]> = Unknown::new([false; 3]);
+    static CONTROLLER: Unknown<SafetyController> = Unknown::new(SafetyController::new(SourceId::new(1)));
     static MONITOR: Unknown<StripeMonitor<1152>> = Unknown::new(StripeMonitor::new());
 
     fn sink(value: bool) {
@@ -89,6 +95,7 @@ mod proof {
             geometry();
             messages();
             tiers();
+            controller();
             #[cfg(feature = "control")]
             control();
         }
@@ -157,6 +164,20 @@ mod proof {
         for category in Category::ALL {
             SINK.write(action_for(category, size) as u64);
         }
+    }
+
+    #[inline(never)]
+    fn controller() {
+        let controller = CONTROLLER.look();
+        sink(controller.start(ResetCause::Watchdog, &RIG.read()).is_ok());
+        let [a, b, reset_pressed] = PINS.read();
+        let output = controller
+            .tick(Micros::new(TIME.read()), PinInputs { mirror: MirrorContacts { a, b }, reset_pressed });
+        sink(output.outputs.relays.a && output.permit.as_ref().is_some_and(|_: &FeedPermit| true));
+        let message = MESSAGE.look();
+        let outputs = controller.on_exchange(Micros::new(TIME.read()), message.get(..LENGTH.read()));
+        sink(outputs.relays.b && controller.calibration().is_some());
+        STATUS.write(controller.status(Micros::new(TIME.read())));
     }
 
     #[cfg(feature = "control")]
