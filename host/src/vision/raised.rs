@@ -7,7 +7,7 @@
 
 use super::floor::{FloorColumn, SURE_CONTRAST, is_fringe};
 use super::grid::{Grid, PictureGeometry};
-use super::peak::{Kernel, LONGEST_WINDOW, Ridge};
+use super::peak::{self, Kernel, Peak};
 use super::signal::{SEGMENT_BITS, SEGMENT_ROWS, Signal};
 
 /// Length of the stretches in which rays are counted, millimetres.
@@ -22,8 +22,8 @@ const LINE_CONTRAST: f32 = 6.0;
 const LINE_STEP: f32 = 4.0;
 /// ... and miss this many columns.
 const LINE_HOLES: usize = 3;
-/// A stripe is no wider than this many kernels; a glow is.
-const WIDEST_KERNELS: f32 = 4.0;
+/// Two seeds of one column that lead within this many samples of each other have found the same stripe.
+const SAME_CREST: f32 = 3.0;
 /// Lines that are followed at a time; more is texture.
 const OPEN_LINES: usize = 24;
 /// Candidates for which there is room; a picture with more shows texture, and the weaker ones change nothing.
@@ -122,6 +122,18 @@ impl RaisedFinder {
         }
     }
 
+    /// Row of the strongest sample of a segment, if it stands out from one of the neighbouring segments at least and
+    /// does not fall behind any.
+    fn seed(&self, segment: usize, index: usize, width: usize) -> Option<usize> {
+        let key_of = |segment: Option<usize>| self.keys.get(segment? * width + index).copied();
+        let key = key_of(Some(segment))?;
+        let strength = key >> SEGMENT_BITS;
+        let neighbours = [segment.checked_sub(1), Some(segment + 1)];
+        let [above, below] = neighbours.map(|neighbour| key_of(neighbour).unwrap_or(0) >> SEGMENT_BITS);
+        let stands_out = strength >= above.max(below) && strength > above.min(below);
+        stands_out.then(|| segment * SEGMENT_ROWS + usize::from(key & ((1 << SEGMENT_BITS) - 1)))
+    }
+
     /// Measures the seeds on dark rays, column by column, and joins them to lines.
     fn follow_lines<S: Signal>(
         &mut self,
@@ -141,15 +153,15 @@ impl RaisedFinder {
                 ..usize::from(place.end_row).div_ceil(SEGMENT_ROWS);
             let mut last_row = f32::NEG_INFINITY;
             for segment in segments {
-                let Some(key) = self.keys.get(segment * width + index) else { break };
-                let row = segment * SEGMENT_ROWS + usize::from(key & ((1 << SEGMENT_BITS) - 1));
-                if *key == 0 || !self.rays.is_dark(geometry.ray_place(map, grid.to_pixels(row as f32))) {
+                let Some(row) = self.seed(segment, index, width) else { continue };
+                if !self.rays.is_dark(geometry.ray_place(map, grid.to_pixels(row as f32))) {
                     continue;
                 }
-                let Some((peak_row, contrast)) = measure(signal, grid.first() + index, row) else { continue };
+                let Some(peak) = measure(signal, grid.first() + index, row) else { continue };
+                let (peak_row, contrast) = (peak.row, peak.contrast);
                 let significance = contrast / floor.noise;
                 // Neighbouring segments can lead to the same crest.
-                if significance < SURE_CONTRAST || (peak_row - last_row).abs() < 1.0 {
+                if significance < SURE_CONTRAST || (peak_row - last_row).abs() < SAME_CREST {
                     continue;
                 }
                 let pixel_row = grid.to_pixels(peak_row);
@@ -248,22 +260,11 @@ impl Line {
     }
 }
 
-/// Row and contrast of the ridge near a seed, if it is as narrow as a stripe.
-fn measure<S: Signal>(signal: S, column: usize, seed: usize) -> Option<(f32, f32)> {
-    let kernel = Kernel::for_step(S::STEP);
-    let reach = kernel.far + kernel.half + 1;
-    let first = seed.saturating_sub(reach);
-    let end = (seed + reach + 1).min(signal.rows());
-    let mut window = [0_i16; LONGEST_WINDOW];
-    for (sample, row) in window.iter_mut().zip(first..end) {
-        *sample = signal.value(column, row);
-    }
-    let ridge = Ridge::new(&window[..end.saturating_sub(first).min(LONGEST_WINDOW)], kernel);
-    let middle = seed - first;
-    let mut peak = ridge.peak(middle.saturating_sub(1)..middle + 2)?;
-    peak.row += first as f32;
-    let narrow = peak.width <= WIDEST_KERNELS * kernel.length() as f32;
-    (narrow && !is_fringe(signal, column, &peak)).then_some((peak.row, peak.contrast))
+/// The ridge near a seed, if it is as narrow as a stripe and more than a colour fringe.
+fn measure<S: Signal>(signal: S, column: usize, seed: usize) -> Option<Peak> {
+    let widest = 2 * Kernel::for_step(S::STEP).widened().widest();
+    peak::find_hollow(signal, column, seed, 1)
+        .filter(|peak| peak.width <= widest as f32 && !is_fringe(signal, column, peak))
 }
 
 /// Which rays of the laser reach the floor, in stretches of [`RAY_BIN_MM`].
