@@ -2,6 +2,7 @@
 
 pub mod capture;
 pub mod cli;
+pub mod demo;
 pub mod line_scan;
 pub mod link;
 pub mod rig_file;

@@ -241,7 +241,7 @@ pub fn random_scene(seed: u64, theme: Theme, stripe: &Stripe) -> Scene {
     let lux = dice.choose(&[120.0, 400.0, 700.0, 1500.0]).copied().unwrap_or(400.0) * dice.between(0.8, 1.25);
     let light = Light { lux, from_degrees: dice.between(0.0, 360.0), unevenness: dice.between(0.0, 0.3) };
     let look = Look {
-        speckle: dice.between(0.2, 0.42),
+        speckle: dice.between(0.10, 0.24),
         blur_pixels: dice.between(0.55, 0.95),
         halo: dice.between(0.01, 0.03),
         gain: if lux < 200.0 { dice.between(1.5, 3.0) } else { 1.0 },

@@ -32,9 +32,11 @@ const MID_GREY: f64 = 0.18;
 /// every other row and column only.
 const DEMOSAIC_BLUR: f64 = 1.1;
 /// Side of a speckle grain, pixels.
-const GRAIN: usize = 2;
-/// The halo's reach in pixels of a 1152-wide picture.
-const HALO_REACH: f64 = 5.0;
+const GRAIN: f64 = 2.0;
+/// The halo's reach, pixels.
+const HALO_REACH: f64 = 10.0;
+/// The camera's own width, for which the lengths in pixels above hold; narrower pictures are its scaled down.
+const CAMERA_WIDTH: f64 = 2304.0;
 /// Beyond the floor there is a dim hall.
 const HALL_GREY: f32 = 0.12;
 
@@ -155,7 +157,8 @@ impl Twin {
             *picture = Picture::black(self.view.width(), self.view.height());
         }
         let drive = if drive.is_finite() { drive.clamp(0.0, 1.0) } else { 0.0 };
-        let shot = Shot { look: &self.look, exposure: self.exposure, drive, frame };
+        let shot =
+            Shot { look: &self.look, exposure: self.exposure, drive, frame, scale: self.scale() as f32 };
         self.sensor.expose(&self.day, &self.laser, &shot, picture);
     }
 
@@ -163,6 +166,15 @@ impl Twin {
     #[must_use]
     pub fn truth(&self, drive: f32) -> Truth {
         Truth::of(&self.view, &self.axes, &self.world, drive > 0.0 && self.look.laser_power > 0.0)
+    }
+
+    /// What would really be there with these objects in these places; nothing is drawn.
+    ///
+    /// # Errors
+    /// An object's mistake.
+    pub fn truth_of(&self, objects: &[SceneObject], drive: f32) -> Result<Truth, SceneError> {
+        let world = World::new(&self.axes, objects)?;
+        Ok(Truth::of(&self.view, &self.axes, &world, drive > 0.0 && self.look.laser_power > 0.0))
     }
 
     /// The floor under daylight, and the pixels of it that the laser can reach.
@@ -326,7 +338,7 @@ impl Twin {
         let bottoms = areas.iter().map(|area| area.bottom.saturating_sub(1));
         let first = rows.clone().chain(tops).min().unwrap_or(0);
         let last = rows.chain(bottoms).max().unwrap_or(0);
-        let reach = HALO_REACH * width as f64 / 1152.0;
+        let reach = HALO_REACH * self.scale();
         let stripe = PixelRectangle { left: 0, top: first, right: width, bottom: (last + 1).min(height) };
         let band =
             PixelRectangle { left: 0, right: width, ..stripe.grown((5.0 * reach) as usize, width, height) };
@@ -359,17 +371,24 @@ impl Twin {
         }
     }
 
-    /// Standard deviation of the whole blur, pixels.
+    /// Size of this picture's pixels is `1 / scale` of the camera's.
+    fn scale(&self) -> f64 {
+        self.view.width() as f64 / CAMERA_WIDTH
+    }
+
+    /// Standard deviation of the whole blur, pixels of this picture.
     fn blur(&self) -> f64 {
-        self.look.blur_pixels.hypot(DEMOSAIC_BLUR)
+        self.look.blur_pixels.hypot(DEMOSAIC_BLUR * self.scale())
     }
 
     /// The laser's speckle at a pixel: log-normal with mean 1. The blur averages over grains; their contrast is
     /// raised by as much, so that the scene's contrast is left in the picture.
     fn speckle(&self, column: usize, row: usize) -> f32 {
-        let averaging = (2.0 * self.blur() * std::f64::consts::PI.sqrt() / GRAIN as f64).max(1.0);
+        let grain = (GRAIN * self.scale()).round().max(1.0);
+        let averaging = (2.0 * self.blur() * std::f64::consts::PI.sqrt() / grain).max(1.0);
         let variance = (self.look.speckle * averaging).powi(2).ln_1p();
-        let word = lattice(self.seed ^ 0x7370_6563, (column / GRAIN) as i64, (row / GRAIN) as i64);
+        let place = |pixel: usize| (pixel as f64 / grain) as i64;
+        let word = lattice(self.seed ^ 0x7370_6563, place(column), place(row));
         // The sum of three uniform numbers is normal enough here, and bounded.
         let share = |shift: u32| unit(word.rotate_left(shift));
         let normal = 2.0 * (share(0) + share(21) + share(42) - 1.5);

@@ -160,7 +160,7 @@ impl Default for Look {
             gain: 1.0,
             full_well_electrons: 9000.0,
             read_noise_electrons: 4.0,
-            speckle: 0.3,
+            speckle: 0.18,
             blur_pixels: 0.75,
             halo: 0.02,
             laser_power: 1.0,

@@ -71,6 +71,7 @@ impl Sensor {
         let read = (look.read_noise_electrons as f32 / well).powi(2);
         let exposure = shot.exposure;
         let strength = LASER_STRENGTH * exposure * shot.drive * look.laser_power as f32;
+        let left = NOISE_LEFT * shot.scale.clamp(0.1, 1.0);
         let width = laser.len();
         let word = scramble(self.seed ^ scramble(shot.frame ^ ((row as u64) << 40)));
         for (channel, plane) in raw.chunks_exact_mut(width).enumerate() {
@@ -78,7 +79,7 @@ impl Sensor {
             let response = LASER_RESPONSE[channel] * strength;
             for ((value, light), random) in plane.iter_mut().zip(laser).zip(noise) {
                 let signal = *value * exposure + *light * response;
-                let deviation = NOISE_LEFT * (signal.max(0.0) / well + read).sqrt();
+                let deviation = left * (signal.max(0.0) / well + read).sqrt();
                 *value = (signal + deviation * random).clamp(0.0, 1.0);
             }
         }
@@ -109,6 +110,8 @@ pub struct Shot<'a> {
     pub drive: f32,
     /// Number of the frame; chooses the noise.
     pub frame: u64,
+    /// This picture's width in widths of the camera's: a picture that was scaled down has averaged its noise.
+    pub scale: f32,
 }
 
 fn apply(matrix: &[[f32; 3]; 3], [x, y, z]: LinearColour) -> LinearColour {
@@ -136,7 +139,7 @@ mod tests {
     use super::*;
 
     fn shot(look: &Look) -> Shot<'_> {
-        Shot { look, exposure: 1.0, drive: 1.0, frame: 3 }
+        Shot { look, exposure: 1.0, drive: 1.0, frame: 3, scale: 1.0 }
     }
 
     fn flat(sensor: &Sensor, colour: LinearColour, width: usize, height: usize) -> RawPlanes {
