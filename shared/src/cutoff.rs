@@ -6,7 +6,7 @@
 //! is never under-reported: with columns p apart, every cut of 5 mm and more trips, and none of 5 mm - 2 p or less does.
 //! Unknown is never floor.
 
-use crate::columns::StripeGeometry;
+use crate::columns::{ColumnMap, StripeGeometry};
 use crate::limits::{FLOOR_TOLERANCE, VOTE_FRAMES};
 use crate::units::Millimetres;
 
@@ -35,10 +35,13 @@ impl Gap {
 }
 
 /// Is a column of this height proven to show lit floor? NaN (no stripe) is not.
+///
+/// `|height| <= FLOOR_TOLERANCE`, on the bits without their sign: in that order floats compare like integers, NaN is
+/// beyond them all, and the MCU needs a third of the instructions.
 #[must_use]
 #[inline]
-pub fn is_floor(height: f32) -> bool {
-    height.abs() <= FLOOR_TOLERANCE.get()
+pub const fn is_floor(height: f32) -> bool {
+    (height.to_bits() & 0x7FFF_FFFF) <= FLOOR_TOLERANCE.get().to_bits()
 }
 
 /// What tier 1 finds in one frame.
@@ -55,22 +58,27 @@ pub struct Cutoff {
 /// Averages, votes and measures; keeps the averages of the last [`VOTE_FRAMES`] frames.
 #[derive(Debug, Clone)]
 pub struct CutoffDetector<const N: usize> {
-    /// Floor columns within each column's window, newest frame first. Zero = nothing proven, also at start.
-    lit: [[u8; N]; VOTE_FRAMES],
+    /// Floor columns within each column's window in the two frames before: the newer one in the low byte. Zero =
+    /// nothing proven, also at start.
+    lit: [u16; N],
 }
+
+const _: () = assert!(VOTE_FRAMES == 3, "the vote is over this frame and the two that `lit` keeps");
+
+/// A column's two verdicts, as bits: this frame alone, and the vote.
+const SINGLE: u8 = 1;
+const VOTED: u8 = 2;
 
 impl<const N: usize> CutoffDetector<N> {
     /// No frame seen yet: until the vote is full, nothing counts as floor.
     #[must_use]
     pub const fn new() -> Self {
-        Self { lit: [[0; N]; VOTE_FRAMES] }
+        Self { lit: [0; N] }
     }
 
     /// Forgets all frames.
     pub fn reset(&mut self) {
-        for frame in &mut self.lit {
-            frame.fill(0);
-        }
+        self.lit.fill(0);
     }
 
     /// Evaluates one frame: `heights` holds the stripe's height in each watched column (NaN = no stripe), in the
@@ -79,49 +87,24 @@ impl<const N: usize> CutoffDetector<N> {
         &mut self,
         geometry: &StripeGeometry<N>,
         heights: &[f32],
-        mut on_gap: impl FnMut(Gap),
+        on_gap: impl FnMut(Gap),
     ) -> Cutoff {
-        self.lit.rotate_right(1);
-        let [newest, before, oldest] = &mut self.lit;
-        let mut leading = heights.iter();
-        let mut trailing = heights.iter();
-        let (mut lead, mut trail) = (0_usize, 0_usize);
-        let mut inside = 0_u8;
-        let mut voted = LongestGap::default();
-        let mut single = LongestGap::default();
-        let maps = geometry.maps();
-        let columns = maps.iter().zip(geometry.reaches()).zip(newest).zip(before).zip(oldest);
-        let mut next_index = 0_usize;
-        for ((((map, reach), lit), lit_before), lit_oldest) in columns {
-            let index = next_index;
-            next_index = index.saturating_add(1);
-            let reach = usize::from(*reach);
-            let to = index.saturating_add(reach).saturating_add(1).min(maps.len());
-            let from = index.saturating_sub(reach);
-            while lead < to {
-                lead = lead.saturating_add(1);
-                inside =
-                    inside.saturating_add(u8::from(leading.next().is_some_and(|height| is_floor(*height))));
+        let mut runs = Runs::new(geometry.maps(), on_gap);
+        let mut index = 0_usize;
+        // Neighbours with windows of one size are counted in one go.
+        for equals in geometry.reaches().chunk_by(|one, next| one == next) {
+            let Some(reach) = equals.first().map(|reach| usize::from(*reach)) else { continue };
+            let end = index.saturating_add(equals.len());
+            while index < end {
+                let Some(lit) = self.lit.get_mut(index..end) else { break };
+                let counted = count_windows(index, reach, heights, lit, &mut runs);
+                index = index.saturating_add(counted.max(1));
             }
-            while trail < from {
-                trail = trail.saturating_add(1);
-                inside =
-                    inside.saturating_sub(u8::from(trailing.next().is_some_and(|height| is_floor(*height))));
-            }
-            *lit = inside;
-            let window = to.saturating_sub(from);
-            let now = usize::from(inside);
-            let all = now.saturating_add(usize::from(*lit_before)).saturating_add(usize::from(*lit_oldest));
-            single.column(map.floor_place, now.saturating_mul(2) > window, |_| {});
-            voted.column(
-                map.floor_place,
-                all.saturating_mul(2) > window.saturating_mul(VOTE_FRAMES),
-                &mut on_gap,
-            );
         }
         let floor_columns =
             heights.iter().fold(0_u16, |sum, height| sum.saturating_add(u16::from(is_floor(*height))));
-        Cutoff { voted: voted.finish(on_gap), single: single.finish(|_| {}), floor_columns }
+        let (voted, single) = runs.finish();
+        Cutoff { voted, single, floor_columns }
     }
 }
 
@@ -131,42 +114,180 @@ impl<const N: usize> Default for CutoffDetector<N> {
     }
 }
 
-/// Measures runs of not-floor from the last floor column before to the first one after.
-#[derive(Default)]
-struct LongestGap {
-    /// The last floor column's place, or the stripe's first column where it begins with a gap.
-    bound: Option<f32>,
-    /// The newest column's place, while within a gap.
-    open: Option<f32>,
-    longest: Option<Gap>,
+/// Judges the column at `index`, and with it as many more of those that `lit` begins with as have whole windows.
+/// Returns how many.
+fn count_windows(
+    index: usize,
+    reach: usize,
+    heights: &[f32],
+    lit: &mut [u16],
+    runs: &mut Runs<'_, impl FnMut(Gap)>,
+) -> usize {
+    let from = index.saturating_sub(reach);
+    let to = index.saturating_add(reach).saturating_add(1);
+    let window = heights.get(from..to.min(heights.len())).unwrap_or(&[]);
+    let mut inside =
+        window.iter().fold(0_u32, |sum, height| sum.saturating_add(u32::from(is_floor(*height))));
+    let vote = Vote::over(window.len());
+    let Some((first, rest)) = lit.split_first_mut() else { return 0 };
+    runs.column(index, vote.judge(inside, first));
+    if index < reach {
+        // The window is cut off by the stripe's first column: the next one is longer.
+        return 1;
+    }
+    let entering = heights.get(to..).unwrap_or(&[]);
+    let leaving = heights.get(from..).unwrap_or(&[]);
+    let mut counted = 1_usize;
+    for ((lit, enters), leaves) in rest.iter_mut().zip(entering).zip(leaving) {
+        // At most 255 columns are inside, and what leaves has entered before.
+        inside = inside.wrapping_add(u32::from(is_floor(*enters))).wrapping_sub(u32::from(is_floor(*leaves)));
+        runs.column(index.wrapping_add(counted), vote.judge(inside, lit));
+        counted = counted.wrapping_add(1);
+    }
+    counted
 }
 
-impl LongestGap {
-    fn column(&mut self, place: f32, floor: bool, on_gap: impl FnMut(Gap)) {
-        if floor {
-            if self.open.is_some() {
-                self.close(place, on_gap);
-            }
-            self.bound = Some(place);
-        } else {
-            self.bound = Some(self.bound.unwrap_or(place));
-            self.open = Some(place);
+/// Majorities over windows of one size.
+#[derive(Clone, Copy)]
+struct Vote {
+    /// More floor columns than this are the majority of one frame's window ...
+    half: u32,
+    /// ... and more than this of the windows of all frames in the vote.
+    half_of_all: u32,
+}
+
+impl Vote {
+    fn over(columns: usize) -> Self {
+        let all = columns.saturating_mul(VOTE_FRAMES);
+        Self {
+            half: u32::try_from(columns / 2).unwrap_or(u32::MAX),
+            half_of_all: u32::try_from(all / 2).unwrap_or(u32::MAX),
         }
     }
 
-    fn close(&mut self, place: f32, mut on_gap: impl FnMut(Gap)) {
-        self.open = None;
-        let gap = Gap::between(self.bound.unwrap_or(place), place);
+    /// A column's verdict; moves its history on.
+    #[inline]
+    fn judge(self, inside: u32, lit: &mut u16) -> u8 {
+        let [before, oldest] = lit.to_le_bytes();
+        // A window has at most 255 columns: the reach is at most 127.
+        let [now, ..] = inside.to_le_bytes();
+        *lit = u16::from_le_bytes([now, before]);
+        let all = inside.wrapping_add(u32::from(before)).wrapping_add(u32::from(oldest));
+        let single = if inside > self.half { SINGLE } else { 0 };
+        let voted = if all > self.half_of_all { VOTED } else { 0 };
+        single | voted
+    }
+}
+
+/// Both kinds of gaps, from verdict to verdict.
+struct Runs<'a, G> {
+    single: LongestGap<'a>,
+    voted: LongestGap<'a>,
+    before: u8,
+    on_gap: G,
+}
+
+impl<'a, G: FnMut(Gap)> Runs<'a, G> {
+    const fn new(maps: &'a [ColumnMap], on_gap: G) -> Self {
+        Self { single: LongestGap::new(maps), voted: LongestGap::new(maps), before: SINGLE | VOTED, on_gap }
+    }
+
+    /// Most columns are like the one before.
+    #[inline]
+    fn column(&mut self, index: usize, verdict: u8) {
+        if verdict != self.before {
+            self.change(index, verdict);
+        }
+    }
+
+    #[inline(never)]
+    fn change(&mut self, index: usize, verdict: u8) {
+        self.before = verdict;
+        self.single.column(index, verdict & SINGLE != 0, |_| {});
+        self.voted.column(index, verdict & VOTED != 0, &mut self.on_gap);
+    }
+
+    /// The longest gap of the vote and of this frame alone.
+    fn finish(self) -> (Option<Gap>, Option<Gap>) {
+        (self.voted.finish(self.on_gap), self.single.finish(|_| {}))
+    }
+}
+
+/// Measures runs of not-floor from the last floor column before to the first one after.
+struct LongestGap<'a> {
+    maps: &'a [ColumnMap],
+    /// While within a gap: the floor column before it, or the stripe's first column where it begins with a gap.
+    bound: Option<usize>,
+    longest: Option<Gap>,
+}
+
+impl<'a> LongestGap<'a> {
+    const fn new(maps: &'a [ColumnMap]) -> Self {
+        Self { maps, bound: None, longest: None }
+    }
+
+    /// Call for every column whose verdict is not that of the one before; the one before the first is floor.
+    fn column(&mut self, index: usize, floor: bool, on_gap: impl FnMut(Gap)) {
+        match self.bound {
+            None if !floor => self.bound = Some(index.saturating_sub(1)),
+            Some(bound) if floor => self.close(bound, index, on_gap),
+            None | Some(_) => {}
+        }
+    }
+
+    fn close(&mut self, from: usize, to: usize, mut on_gap: impl FnMut(Gap)) {
+        self.bound = None;
+        let gap = Gap::between(self.place(from), self.place(to));
         on_gap(gap);
         if self.longest.is_none_or(|longest| gap.length() > longest.length()) {
             self.longest = Some(gap);
         }
     }
 
+    /// Only columns of the stripe are asked for.
+    fn place(&self, index: usize) -> f32 {
+        self.maps.get(index).map_or(f32::NAN, |map| map.floor_place)
+    }
+
+    /// A gap that is open at the stripe's end reaches to its last column.
     fn finish(mut self, on_gap: impl FnMut(Gap)) -> Option<Gap> {
-        if let Some(place) = self.open {
-            self.close(place, on_gap);
+        if let Some(bound) = self.bound {
+            self.close(bound, self.maps.len().saturating_sub(1), on_gap);
         }
         self.longest
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn floor_is_the_tolerance_and_no_more_on_both_sides() {
+        let limit = FLOOR_TOLERANCE.get();
+        for (height, floor) in [
+            (limit.next_down(), true),
+            (limit, true),
+            (limit.next_up(), false),
+            (-limit, true),
+            (-limit.next_up(), false),
+            (0.0, true),
+            (-0.0, true),
+            (f32::NAN, false),
+            (-f32::NAN, false),
+            (f32::INFINITY, false),
+            (f32::NEG_INFINITY, false),
+        ] {
+            assert_eq!(is_floor(height), floor, "{height}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn floor_by_bits_is_floor_by_value(bits in any::<u32>()) {
+            let height = f32::from_bits(bits);
+            prop_assert_eq!(is_floor(height), height.abs() <= FLOOR_TOLERANCE.get());
+        }
     }
 }

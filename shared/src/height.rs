@@ -2,7 +2,7 @@
 
 use crate::columns::StripeGeometry;
 use crate::cutoff::is_floor;
-use crate::limits::{FLOOR_TOLERANCE, LARGE_HEIGHT};
+use crate::limits::LARGE_HEIGHT;
 use crate::units::Millimetres;
 
 /// The paper's two sizes, and the honest third.
@@ -76,109 +76,173 @@ const FEWEST_COLUMNS: u16 = 2;
 pub fn evaluate<const N: usize>(
     geometry: &StripeGeometry<N>,
     heights: &[f32],
-    mut on_cluster: impl FnMut(Cluster),
+    on_cluster: impl FnMut(Cluster),
 ) -> Heights {
-    let mut found = Heights::default();
-    let mut cluster = OpenCluster::default();
-    let mut unknown_since: Option<f32> = None;
-    let mut close = |cluster: &mut OpenCluster| {
-        if let Some(closed) = core::mem::take(cluster).finish() {
-            let height = closed.extreme.height;
-            if height > Millimetres::ZERO {
-                if found.highest.is_none_or(|highest| height > highest.height) {
-                    found.highest = Some(closed.extreme);
-                }
-            } else if found.lowest.is_none_or(|lowest| height < lowest.height) {
-                found.lowest = Some(closed.extreme);
-            }
-            on_cluster(closed);
-        }
-    };
-    let mut longest_unknown = 0.0_f32;
+    let mut pass = Pass::new(on_cluster);
     for (map, height) in geometry.maps().iter().zip(heights) {
-        let place = map.floor_place;
-        if height.is_nan() {
-            let since = *unknown_since.get_or_insert(place);
-            let length = (place - since).abs();
-            longest_unknown = if length > longest_unknown { length } else { longest_unknown };
+        let (place, height) = (map.floor_place, *height);
+        // By far the most columns are like the one before: floor after floor, or nothing after nothing.
+        if is_floor(height) {
+            if pass.before != Seen::Floor {
+                pass.end_run(Seen::Floor);
+            }
+        } else if height.is_nan() {
+            if pass.before != Seen::Nothing {
+                pass.end_run(Seen::Nothing);
+                pass.unknown_since = place;
+            }
+            pass.unknown_until = place;
+        } else if pass.before == Seen::Stripe && pass.cluster.continues(height) {
+            pass.cluster.push(place, height);
         } else {
-            unknown_since = None;
-        }
-        // NaN fails `continues`, so a missing column ends a cluster.
-        if !cluster.continues(*height) {
-            close(&mut cluster);
-        }
-        if !height.is_nan() && !is_floor(*height) {
-            cluster.push(place, *height);
+            pass.end_run(Seen::Stripe);
+            pass.cluster = OpenCluster::new(place, height);
         }
     }
-    close(&mut cluster);
-    found.longest_unknown = Millimetres::new(longest_unknown);
-    found
+    pass.end_run(Seen::Floor);
+    pass.found
+}
+
+/// A height without its sign, as the bits of the float: these compare like the magnitudes, as integers, which the
+/// MCU does in a third of the instructions. Within a cluster all heights have one sign.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Magnitude(u32);
+
+impl Magnitude {
+    #[inline]
+    const fn of(height: f32) -> Self {
+        Self(height.to_bits() & 0x7FFF_FFFF)
+    }
+
+    #[inline]
+    fn median(self, other: Self, third: Self) -> Self {
+        self.min(other).max(self.max(other).min(third))
+    }
+}
+
+/// What the column before showed.
+#[derive(Clone, Copy, PartialEq)]
+enum Seen {
+    Floor,
+    /// No stripe.
+    Nothing,
+    /// The stripe, off the floor.
+    Stripe,
+}
+
+/// One pass over the columns.
+struct Pass<C> {
+    found: Heights,
+    before: Seen,
+    /// Places of the first and the last column of the run without stripe.
+    unknown_since: f32,
+    unknown_until: f32,
+    cluster: OpenCluster,
+    on_cluster: C,
+}
+
+impl<C: FnMut(Cluster)> Pass<C> {
+    const fn new(on_cluster: C) -> Self {
+        Self {
+            found: Heights { highest: None, lowest: None, longest_unknown: Millimetres::ZERO },
+            before: Seen::Floor,
+            unknown_since: 0.0,
+            unknown_until: 0.0,
+            cluster: OpenCluster::new(0.0, 0.0),
+            on_cluster,
+        }
+    }
+
+    /// A run of columns of one kind has ended; the next one begins with a column of this kind.
+    fn end_run(&mut self, next: Seen) {
+        match core::mem::replace(&mut self.before, next) {
+            Seen::Floor => {}
+            Seen::Nothing => {
+                let length = Millimetres::new((self.unknown_until - self.unknown_since).abs());
+                if length > self.found.longest_unknown {
+                    self.found.longest_unknown = length;
+                }
+            }
+            Seen::Stripe => self.close_cluster(),
+        }
+    }
+
+    fn close_cluster(&mut self) {
+        let Some(cluster) = self.cluster.finish() else { return };
+        let height = cluster.extreme.height;
+        if height > Millimetres::ZERO {
+            if self.found.highest.is_none_or(|highest| height > highest.height) {
+                self.found.highest = Some(cluster.extreme);
+            }
+        } else if self.found.lowest.is_none_or(|lowest| height < lowest.height) {
+            self.found.lowest = Some(cluster.extreme);
+        }
+        (self.on_cluster)(cluster);
+    }
 }
 
 /// A cluster while its columns arrive.
-#[derive(Default)]
 struct OpenCluster {
     columns: u16,
     first: f32,
     last: f32,
-    /// The newest two heights, newest first.
-    recent: [f32; 2],
-    extreme: Option<Extreme>,
+    newest: f32,
+    /// Magnitude of the height before the newest one.
+    older: Magnitude,
+    /// Robust extreme so far and its place; meaningful from two columns on.
+    extreme: Magnitude,
+    extreme_place: f32,
 }
 
 impl OpenCluster {
-    fn continues(&self, height: f32) -> bool {
-        let [newest, _] = self.recent;
-        let same_side = (height > FLOOR_TOLERANCE.get() && newest > 0.0)
-            || (height < -FLOOR_TOLERANCE.get() && newest < 0.0);
-        self.columns > 0 && same_side && (height - newest).abs() <= CLUSTER_STEP_MM
+    /// Of one column.
+    const fn new(place: f32, height: f32) -> Self {
+        Self {
+            columns: 1,
+            first: place,
+            last: place,
+            newest: height,
+            older: Magnitude::of(height),
+            extreme: Magnitude::of(height),
+            extreme_place: place,
+        }
     }
 
+    /// Does a column of this height, which is not floor, belong to it?
+    #[inline]
+    fn continues(&self, height: f32) -> bool {
+        const SIGN: u32 = 0x8000_0000;
+        let same_side = (height.to_bits() ^ self.newest.to_bits()) & SIGN == 0;
+        same_side && Magnitude::of(height - self.newest) <= const { Magnitude::of(CLUSTER_STEP_MM) }
+    }
+
+    #[inline]
     fn push(&mut self, place: f32, height: f32) {
-        let [newest, older] = self.recent;
-        let candidate = match self.columns {
-            0 => None,
-            1 => Some(if height.abs() < newest.abs() { height } else { newest }),
-            _ => Some(median(height, newest, older)),
-        };
-        if self.columns == 0 {
-            self.first = place;
-        }
-        if let Some(candidate) = candidate {
-            // The first pair only stands in until three columns are there.
-            let better = self.columns == 2
-                || self.extreme.is_none_or(|extreme| candidate.abs() > extreme.height.abs().get());
-            if better {
-                let at = if self.columns >= 2 { self.last } else { place };
-                self.extreme =
-                    Some(Extreme { height: Millimetres::new(candidate), place: Millimetres::new(at) });
+        let (newest, candidate) = (Magnitude::of(self.newest), Magnitude::of(height));
+        if self.columns == 1 {
+            // A pair: the smaller one, which stands in until three columns are there.
+            (self.extreme, self.extreme_place) = (newest.min(candidate), place);
+        } else {
+            let candidate = newest.median(candidate, self.older);
+            if self.columns == 2 || candidate > self.extreme {
+                (self.extreme, self.extreme_place) = (candidate, self.last);
             }
         }
-        self.recent = [height, newest];
-        self.last = place;
+        (self.older, self.newest, self.last) = (newest, height, place);
         self.columns = self.columns.saturating_add(1);
     }
 
-    fn finish(self) -> Option<Cluster> {
-        let extreme = self.extreme?;
+    fn finish(&self) -> Option<Cluster> {
+        let magnitude = f32::from_bits(self.extreme.0);
+        let height = if self.newest < 0.0 { -magnitude } else { magnitude };
         (self.columns >= FEWEST_COLUMNS).then_some(Cluster {
             first: Millimetres::new(self.first),
             last: Millimetres::new(self.last),
-            extreme,
+            extreme: Extreme {
+                height: Millimetres::new(height),
+                place: Millimetres::new(self.extreme_place),
+            },
             columns: self.columns,
         })
-    }
-}
-
-fn median(a: f32, b: f32, c: f32) -> f32 {
-    let (low, high) = if a < b { (a, b) } else { (b, a) };
-    if c < low {
-        low
-    } else if c > high {
-        high
-    } else {
-        c
     }
 }

@@ -127,10 +127,9 @@ impl<const N: usize> StripeMonitor<N> {
         on_cluster: impl FnMut(Cluster),
     ) -> StripeReport {
         let maps = self.geometry.maps();
-        let readings =
-            readings.skip(self.geometry.watched().start).chain(core::iter::repeat(ColumnReading::MISSING));
-        for ((height, map), reading) in self.heights.iter_mut().zip(maps).zip(readings) {
-            *height = trusted_height(map, reading);
+        let mut readings = readings.skip(self.geometry.watched().start);
+        for (height, map) in self.heights.iter_mut().zip(maps) {
+            *height = readings.next().map_or(f32::NAN, |reading| trusted_height(map, reading));
         }
         let heights = self.heights.get(..maps.len()).unwrap_or(&[]);
         let cutoff = self.detector.update(&self.geometry, heights, on_gap);

@@ -1,0 +1,90 @@
+//! The controller in lock-step with the host: see `nearfield_firmware::lockstep` for the records.
+
+use crate::board::{self, Watchdog};
+use crate::semihosting::{Access, File};
+use nearfield_firmware::lockstep::{REQUEST_HEADER_LENGTH, Reply, Request, RequestHeader};
+use nearfield_firmware::safety::{Outputs, PinInputs, SafetyController};
+use nearfield_shared::limits::LARGEST_TRANSFER;
+use nearfield_shared::status::ResetCause;
+use nearfield_shared::units::Micros;
+use static_cell::ConstStaticCell;
+
+static PAYLOAD: ConstStaticCell<[u8; LARGEST_TRANSFER]> = ConstStaticCell::new([0; LARGEST_TRANSFER]);
+
+/// Answers requests until the host goes away.
+pub(crate) fn run(controller: &mut SafetyController, reset_cause: ResetCause) {
+    let files = (File::open(c"requests", Access::Read), File::open(c"replies", Access::Write));
+    let (Some(mut requests), Some(mut replies)) = files else {
+        return crate::semihosting::print("cannot open the FIFOs `requests` and `replies`\n");
+    };
+    let payload = PAYLOAD.take();
+    let mut watchdog: Option<Watchdog> = None;
+    let mut header = [0; REQUEST_HEADER_LENGTH];
+    while requests.read_exact(&mut header) {
+        let Ok(record) = RequestHeader::parse(&header) else {
+            return crate::semihosting::print("malformed request\n");
+        };
+        let length = usize::from(record.payload_length);
+        let Some(payload) = payload.get_mut(..length) else { return };
+        if !requests.read_exact(payload) {
+            return;
+        }
+        let reply = match record.request {
+            Request::Start => start(controller, reset_cause, &record, payload, &mut watchdog),
+            Request::Tick(pins) => tick(controller, record.now, pins, watchdog.as_mut()),
+            Request::Exchange => exchange(controller, record.now, payload),
+            Request::Hang => hang(),
+        };
+        if !replies.write_all(&reply.to_bytes(record.request)) {
+            return;
+        }
+    }
+}
+
+/// Out of reset; the watchdog starts when the rig's maps are filled.
+fn start(
+    controller: &mut SafetyController,
+    reset_cause: ResetCause,
+    record: &RequestHeader,
+    stored_rig: &[u8],
+    watchdog: &mut Option<Watchdog>,
+) -> Reply {
+    // A rig that is refused is a cause to stop, and the status says so.
+    let _ = controller.start(reset_cause, stored_rig);
+    board::drive_relays(Outputs::SAFE.relays);
+    *watchdog = Some(Watchdog::start());
+    Reply { outputs: Outputs::SAFE, fed: false, status: controller.status(record.now) }
+}
+
+fn tick(
+    controller: &mut SafetyController,
+    now: Micros,
+    pins: PinInputs,
+    watchdog: Option<&mut Watchdog>,
+) -> Reply {
+    let output = controller.tick(now, pins);
+    board::drive_relays(output.outputs.relays);
+    let fed = match (output.permit, watchdog) {
+        (Some(permit), Some(watchdog)) => {
+            watchdog.feed(permit);
+            true
+        }
+        _ => false,
+    };
+    Reply { outputs: output.outputs, fed, status: controller.status(now) }
+}
+
+fn exchange(controller: &mut SafetyController, now: Micros, payload: &[u8]) -> Reply {
+    let status = controller.status(now);
+    let line_scan = (!payload.is_empty()).then_some(payload);
+    let outputs = controller.on_exchange(now, line_scan);
+    board::drive_relays(outputs.relays);
+    Reply { outputs, fed: false, status }
+}
+
+/// The injected fault: no way out but the watchdog.
+fn hang() -> ! {
+    loop {
+        cortex_m::asm::nop();
+    }
+}

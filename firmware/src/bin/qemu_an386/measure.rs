@@ -1,0 +1,228 @@
+//! What a line-scan costs: instructions from its last byte to the relays' command, and the deepest stack.
+//!
+//! Under QEMU's `-icount shift=5` an instruction takes 32 ns of emulated time, so that SysTick at 25 MHz counts
+//! instructions: 1 tick = 40 ns = 1.25 instructions, the same in every run. Not a worst-case execution time: a
+//! Cortex-M4's instructions take 1 to 14 cycles.
+
+use crate::semihosting::print;
+use core::fmt::Write as _;
+use core::hint::black_box;
+use core::ptr::{read_volatile, write_volatile};
+use cortex_m::peripheral::syst::SystClkSource;
+use nearfield_firmware::relay::MirrorContacts;
+use nearfield_firmware::safety::{PinInputs, SafetyController};
+use nearfield_shared::camera::{Camera, Intrinsics, Pose, Vector};
+use nearfield_shared::laser::Laser;
+use nearfield_shared::limits::LARGEST_COLUMN_COUNT;
+use nearfield_shared::linescan::{
+    HostVerdict, LINE_SCAN_LENGTH, LineScan, LineScanColumn, LineScanHeader, encode,
+};
+use nearfield_shared::monitor::StripeMonitor;
+use nearfield_shared::rig::{ImageSize, Rig, RigError, Stripe};
+use nearfield_shared::status::ResetCause;
+use nearfield_shared::units::{Micros, SequenceNumber, SignalQuality, SourceId, SubpixelRow};
+use static_cell::ConstStaticCell;
+
+/// Unused stack is filled with this.
+const PAINT: u32 = 0xA5A5_5A5A;
+/// What `paint_stack` leaves alone above its own frame, bytes.
+const PAINT_MARGIN: usize = 256;
+
+unsafe extern "C" {
+    /// Lowest address of the stack, from memory.x.
+    static _stack_end: u32;
+}
+
+/// Fills the stack below the caller's frame; call first thing.
+pub(crate) fn paint_stack() {
+    let top = cortex_m::register::msp::read() as usize - PAINT_MARGIN;
+    let mut address = (&raw const _stack_end) as usize;
+    while address < top {
+        // SAFETY: stack memory that nothing has used yet, word-aligned from the linker's symbol on.
+        unsafe { write_volatile(address as *mut u32, PAINT) };
+        address += size_of::<u32>();
+    }
+}
+
+fn deepest_stack() -> usize {
+    let bottom = (&raw const _stack_end) as usize;
+    let mut address = bottom;
+    // SAFETY: within the stack's own memory: the loop ends at the first word in use, at the latest this frame's.
+    while unsafe { read_volatile(address as *const u32) } == PAINT {
+        address += size_of::<u32>();
+    }
+    (bottom + STACK_LENGTH).saturating_sub(address)
+}
+
+/// Length of the stack's memory, from memory.x.
+const STACK_LENGTH: usize = 32 * 1024;
+
+/// A word to the emulator's user.
+struct Output;
+
+impl core::fmt::Write for Output {
+    fn write_str(&mut self, text: &str) -> core::fmt::Result {
+        print(text);
+        Ok(())
+    }
+}
+
+fn say(name: &str, value: u32) {
+    let _ = writeln!(Output, "measure {name} {value}");
+}
+
+/// Instructions that `work` takes, less those of measuring.
+fn instructions(mut work: impl FnMut()) -> u32 {
+    let count = |work: &mut dyn FnMut()| {
+        let start = cortex_m::peripheral::SYST::get_current();
+        work();
+        // It counts down, in 24 bits.
+        start.wrapping_sub(cortex_m::peripheral::SYST::get_current()) & 0x00FF_FFFF
+    };
+    let empty = count(&mut || {});
+    let ticks = count(&mut work).saturating_sub(empty);
+    ticks.saturating_add(ticks / 4)
+}
+
+static MESSAGE: ConstStaticCell<[u8; LINE_SCAN_LENGTH]> = ConstStaticCell::new([0; LINE_SCAN_LENGTH]);
+static COLUMNS: ConstStaticCell<[LineScanColumn; LARGEST_COLUMN_COUNT]> =
+    ConstStaticCell::new([LineScanColumn::MISSING; LARGEST_COLUMN_COUNT]);
+static MONITOR: ConstStaticCell<StripeMonitor<LARGEST_COLUMN_COUNT>> =
+    ConstStaticCell::new(StripeMonitor::new());
+
+/// A camera over a laser at the robot's edge, whose stripe fills the picture's width.
+fn rig() -> Result<Rig, RigError> {
+    let (sine, cosine) = (0.766_044_443_119, 0.642_787_609_687);
+    let rotation =
+        [Vector::new(1.0, 0.0, 0.0), Vector::new(0.0, -sine, -cosine), Vector::new(0.0, cosine, -sine)];
+    let unmoved = Pose { rotation, translation: Vector::default() };
+    let translation = unmoved.to_camera(Vector::new(0.0, 0.0, 400.0)).scaled(-1.0);
+    let intrinsics = Intrinsics {
+        fx: 1792.0,
+        fy: 1792.0,
+        cx: 1151.5,
+        cy: 647.5,
+        distortion: [-0.031, 0.011, 0.0003, -0.0002, 0.0],
+    };
+    let (rise, run) = (0.928_476_690_885, 0.371_390_676_354);
+    let laser = Laser {
+        origin: Vector::new(0.0, 0.0, 200.0),
+        normal: Vector::new(0.0, run, rise),
+        offset: 200.0 * rise,
+    };
+    let stripe = Stripe {
+        point: Vector::new(0.0, 500.0, 0.0),
+        direction: Vector::new(1.0, 0.0, 0.0),
+        start: -407.0,
+        end: 407.0,
+    };
+    let camera = Camera { intrinsics, pose: Pose { rotation, translation } };
+    Rig::new(ImageSize { width: 2304, height: 1296 }, camera, laser, stripe)
+}
+
+/// What a line-scan shows, column by column: a height over the floor, or no stripe.
+#[derive(Clone, Copy)]
+struct Scene {
+    name: &'static str,
+    height: fn(usize) -> Option<f32>,
+}
+
+const SCENES: [Scene; 6] = [
+    Scene { name: "instructions_clean_floor", height: |_| Some(0.0) },
+    Scene { name: "instructions_cable", height: |column| Some(if column % 300 < 12 { 8.0 } else { 0.0 }) },
+    Scene { name: "instructions_box", height: |column| Some(if column < 600 { 0.0 } else { 60.0 }) },
+    Scene { name: "instructions_rough", height: |column| Some([0.0, 9.0, 30.0, -8.0][column % 4]) },
+    Scene { name: "instructions_slope", height: |column| Some(if column % 2 == 0 { 20.0 } else { 21.0 }) },
+    Scene { name: "instructions_no_stripe", height: |column| (column % 2 == 0).then_some(0.0) },
+];
+
+/// Prints every figure.
+pub(crate) fn run(controller: &mut SafetyController) {
+    let Ok(rig) = rig() else { return print("the measurement's rig is refused\n") };
+    let message = MESSAGE.take();
+    let columns = COLUMNS.take();
+    let monitor = MONITOR.take();
+    let start = instructions(|| {
+        let _ = black_box(controller.start(ResetCause::PowerOn, &rig.to_bytes()));
+    });
+    say("start_instructions_modulo_2_pow_24", start);
+    let decimation = nearfield_shared::columns::Decimation::for_line_scan(2304);
+    let _ = monitor.configure(&rig, decimation);
+    say("watched_columns", u32::try_from(monitor.geometry().maps().len()).unwrap_or(0));
+    let mut worst = 0;
+    let mut sequence = 0;
+    for scene in SCENES {
+        for (index, column) in columns.iter_mut().enumerate() {
+            let row = monitor
+                .geometry()
+                .map(index)
+                .and_then(|map| SubpixelRow::from_pixels(map.row((scene.height)(index)?)));
+            *column = row
+                .map_or(LineScanColumn::MISSING, |row| LineScanColumn { row, quality: SignalQuality::BEST });
+        }
+        // Four in a row: votes fill up.
+        for _ in 0..4 {
+            sequence += 1;
+            let taken = one_scan(controller, &rig, message, columns, sequence);
+            worst = worst.max(taken);
+            if sequence % 4 == 0 {
+                say(scene.name, taken);
+            }
+        }
+        if sequence == 4 {
+            split(message, monitor);
+        }
+    }
+    say("scan_instructions", worst);
+    say("stack_bytes", u32::try_from(deepest_stack()).unwrap_or(u32::MAX));
+}
+
+/// Instructions of one line-scan: exchange and the tick after it.
+fn one_scan(
+    controller: &mut SafetyController,
+    rig: &Rig,
+    message: &mut [u8; LINE_SCAN_LENGTH],
+    columns: &[LineScanColumn],
+    sequence: u32,
+) -> u32 {
+    let header = LineScanHeader {
+        source: SourceId::new(1),
+        calibration: rig.calibration_id(),
+        sequence: SequenceNumber::new(sequence),
+        capture_age: Micros::from_millis(20),
+        exposure: Micros::from_millis(4),
+        last_status: sequence - 1,
+        verdict: HostVerdict::Clear,
+    };
+    let _ = encode(message, &header, columns, &[]);
+    let now = Micros::from_millis(u64::from(sequence) * 20);
+    let pins = PinInputs { mirror: MirrorContacts::BOTH_OPEN, reset_pressed: false };
+    instructions(|| {
+        black_box(controller.on_exchange(now, Some(black_box(message))));
+        let _ = black_box(controller.tick(now, pins));
+    })
+}
+
+/// The parts of it, on a clean floor.
+fn split(message: &[u8; LINE_SCAN_LENGTH], monitor: &mut StripeMonitor<LARGEST_COLUMN_COUNT>) {
+    let parse = instructions(|| {
+        let _ = black_box(LineScan::parse(black_box(message)));
+    });
+    say("parse_instructions", parse);
+    if let Ok(scan) = LineScan::parse(message) {
+        say(
+            "monitor_instructions",
+            instructions(|| {
+                black_box(monitor.update(black_box(scan).readings()));
+            }),
+        );
+    }
+}
+
+/// SysTick on the processor's clock, over its whole range.
+pub(crate) fn start_counter(systick: &mut cortex_m::peripheral::SYST) {
+    systick.set_clock_source(SystClkSource::Core);
+    systick.set_reload(0x00FF_FFFF);
+    systick.clear_current();
+    systick.enable_counter();
+}
