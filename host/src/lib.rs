@@ -1,5 +1,6 @@
 //! The Pi host of nearfield.
 
+pub mod annotate;
 pub mod capture;
 pub mod cli;
 pub mod demo;

@@ -1,2 +1,8 @@
 //! The command `nearfield`.
-fn main() {}
+
+use clap::Parser as _;
+use nearfield_host::cli::CommandLine;
+
+fn main() -> std::process::ExitCode {
+    CommandLine::parse().run()
+}

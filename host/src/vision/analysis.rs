@@ -6,7 +6,7 @@
 use nearfield_shared::columns::{Decimation, GeometryError};
 use nearfield_shared::cutoff::Gap;
 use nearfield_shared::height::SizeClass;
-use nearfield_shared::limits::VOTE_FRAMES;
+use nearfield_shared::limits::{SHORTEST_STRIPE_MM, VOTE_FRAMES, WEAKEST_SIGNAL};
 use nearfield_shared::monitor::{StripeMonitor, StripeReport};
 use nearfield_shared::rig::Rig;
 use nearfield_shared::units::Millimetres;
@@ -85,6 +85,12 @@ impl Analyser {
         let result = self.extractor.extract(frame);
         self.evaluate();
         result
+    }
+
+    /// The next frame of a sequence is lost: it counts as one without any stripe.
+    pub fn lose_frame(&mut self) {
+        self.extractor.clear();
+        self.evaluate();
     }
 
     /// Judges a picture by itself: forgets what was before, and shows the picture until the vote is full.
@@ -176,10 +182,20 @@ impl Analyser {
         &self.profile
     }
 
-    /// Is there any stripe in the last frame?
+    /// Is there a stripe in the last frame, on the floor or off it? Less than [`SHORTEST_STRIPE_MM`] of it in all is
+    /// texture.
     #[must_use]
-    pub const fn is_stripe_found(&self) -> bool {
-        !self.report.is_stripe_missing()
+    pub fn is_stripe_found(&self) -> bool {
+        let geometry = self.extractor.geometry();
+        let readings = self.extractor.readings().get(geometry.watched()).unwrap_or(&[]);
+        let seen: f32 = geometry
+            .maps()
+            .windows(2)
+            .zip(readings)
+            .filter(|(_, reading)| reading.quality >= WEAKEST_SIGNAL)
+            .map(|(pair, _)| (pair[1].floor_place - pair[0].floor_place).abs())
+            .sum();
+        f64::from(seen) >= SHORTEST_STRIPE_MM
     }
 }
 

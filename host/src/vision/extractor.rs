@@ -90,13 +90,18 @@ impl Extractor {
         &self.geometry
     }
 
+    /// Forgets the last frame: nothing is seen.
+    pub fn clear(&mut self) {
+        self.readings.fill(ColumnReading::MISSING);
+        self.points.clear();
+    }
+
     /// Looks at one frame; [`Self::readings`] and [`Self::points`] then tell what was found.
     ///
     /// # Errors
     /// [`ForeignFrame`] if the frame is not of the rig's size; all readings are then missing.
     pub fn extract(&mut self, frame: &FrameView<'_>) -> Result<(), ForeignFrame> {
-        self.readings.fill(ColumnReading::MISSING);
-        self.points.clear();
+        self.clear();
         match frame {
             FrameView::Rgb(plane) => self.extract_from(RedMinusGreen(*plane)),
             FrameView::Grey(plane) => self.extract_from(Brightness(*plane)),

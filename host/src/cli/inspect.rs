@@ -1,0 +1,195 @@
+//! `nearfield inspect`: what host and safety controller make of single pictures.
+
+use std::collections::HashSet;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::Context as _;
+use clap::Args;
+use nearfield_shared::rig::Rig;
+
+use super::mcu::{Examiner, McuChoice};
+use super::picture_report::{PictureReport, Timing};
+use crate::annotate;
+use crate::capture::read_frame;
+use crate::line_scan::LineScanEncoder;
+use crate::rig_file;
+use crate::vision::Analyser;
+
+/// Say what host and safety controller make of pictures, each by itself.
+///
+/// Every picture is shown as if the scene stood still: until the vote over three frames is full. The safety controller
+/// is armed on a clean floor before each, and its verdict is its own. Exit code 2 if a picture cannot be used; the
+/// others are still reported.
+#[derive(Debug, Args)]
+#[command(after_long_help = "\
+Examples:
+  nearfield inspect --rig robot.toml picture.png
+  nearfield inspect --rig robot.toml --json *.png | jq .longest_gap_mm
+  nearfield inspect --rig robot.toml --annotate seen/ frame.nv12")]
+pub struct Inspect {
+    /// The rig that took the pictures.
+    #[arg(long, value_name = "RIG.toml")]
+    rig: PathBuf,
+    /// One JSON object a picture on standard output.
+    #[arg(long)]
+    json: bool,
+    /// Write the pictures with what was found drawn on them into this directory.
+    #[arg(long, value_name = "DIR")]
+    annotate: Option<PathBuf>,
+    /// Which safety controller to ask.
+    #[arg(long, value_enum, default_value_t)]
+    mcu: McuChoice,
+    /// Pictures: PNG, JPEG, or raw frames of the rig's size (.yuv = YUV420 planar, .nv12).
+    #[arg(required = true, value_name = "IMAGE")]
+    images: Vec<PathBuf>,
+}
+
+impl Inspect {
+    /// Runs the command; the exit code is 2 if a picture cannot be used.
+    ///
+    /// # Errors
+    /// The rig cannot be used, a drawing cannot be written, or the safety controller cannot be reached.
+    pub fn run(&self) -> anyhow::Result<u8> {
+        let rig = rig_file::load(&self.rig)?;
+        let mut inspector = Inspector::new(&rig, self.mcu, &self.rig)?;
+        let mut drawings = self.annotate.as_deref().map(Drawings::new).transpose()?;
+        let mut code = 0;
+        for image in &self.images {
+            match inspector.inspect(image)? {
+                Ok(report) => {
+                    if self.json {
+                        println!("{}", serde_json::to_string(&report)?);
+                    } else {
+                        print!("{}", table(&report));
+                    }
+                    if let Some(drawings) = &mut drawings {
+                        drawings.write(image, &inspector, &report)?;
+                    }
+                }
+                Err(error) => {
+                    eprintln!("error: {error:#}");
+                    code = 2;
+                }
+            }
+        }
+        Ok(code)
+    }
+}
+
+/// Everything that looks at pictures of one rig.
+struct Inspector {
+    rig: Rig,
+    analyser: Analyser,
+    encoder: LineScanEncoder,
+    examiner: Examiner,
+    rgb: Vec<u8>,
+}
+
+impl Inspector {
+    fn new(rig: &Rig, mcu: McuChoice, path: &Path) -> anyhow::Result<Self> {
+        let name = || path.display().to_string();
+        Ok(Self {
+            rig: *rig,
+            analyser: Analyser::new(rig).with_context(name)?,
+            encoder: LineScanEncoder::new(rig).with_context(name)?,
+            examiner: Examiner::new(mcu, rig)?,
+            rgb: Vec::new(),
+        })
+    }
+
+    /// The outer error ends the command, the inner one only this picture.
+    fn inspect(&mut self, image: &Path) -> anyhow::Result<anyhow::Result<PictureReport>> {
+        let mut timing = Timing::default();
+        let mut started = Instant::now();
+        let mut lap = || {
+            let micros = u64::try_from(started.elapsed().as_micros()).unwrap_or(u64::MAX);
+            started = Instant::now();
+            micros
+        };
+        let frame = match read_frame(image, self.rig.image()) {
+            Ok(frame) => frame,
+            Err(error) => return Ok(Err(error.into())),
+        };
+        timing.read = lap();
+        if let Err(error) = self.analyser.judge(&frame.view()) {
+            return Ok(Err(anyhow::Error::from(error).context(image.display().to_string())));
+        }
+        timing.vision = lap();
+        let extractor = self.analyser.extractor();
+        let columns = self.encoder.encode(extractor.readings(), extractor.geometry());
+        timing.line_scan = lap();
+        let verdict = self.examiner.judge(columns)?;
+        timing.mcu = lap();
+        self.rgb = frame.to_rgb();
+        Ok(Ok(PictureReport::new(image.display().to_string(), &self.analyser, verdict, timing)))
+    }
+}
+
+/// Where the drawings go.
+struct Drawings {
+    directory: PathBuf,
+    /// Names used so far: pictures of the same name from different directories must not overwrite each other.
+    used: HashSet<OsString>,
+}
+
+impl Drawings {
+    fn new(directory: &Path) -> anyhow::Result<Self> {
+        std::fs::create_dir_all(directory)
+            .with_context(|| format!("{}: cannot make the directory", directory.display()))?;
+        Ok(Self { directory: directory.to_path_buf(), used: HashSet::new() })
+    }
+
+    fn write(&mut self, image: &Path, inspector: &Inspector, report: &PictureReport) -> anyhow::Result<()> {
+        let stem = image.file_stem().unwrap_or(image.as_os_str()).to_os_string();
+        let mut name = stem.clone();
+        let mut number = 2;
+        while !self.used.insert(name.clone()) {
+            name = stem.clone();
+            name.push(format!("-{number}"));
+            number += 1;
+        }
+        name.push(".png");
+        let size = inspector.rig.image();
+        let drawn = annotate::draw(&inspector.rgb, size, &inspector.analyser, report.mcu.is_closed());
+        let path = self.directory.join(name);
+        drawn.save(&path).with_context(|| format!("{}: cannot write the drawing", path.display()))
+    }
+}
+
+/// A picture's findings for people.
+fn table(report: &PictureReport) -> String {
+    let mut text = format!(
+        "{}\n  stripe    {}\n",
+        report.image,
+        match (report.stripe_found, report.cutoff) {
+            (false, _) => "not found".to_owned(),
+            (true, true) => format!("cut, longest gap {:.1} mm", report.longest_gap_mm),
+            (true, false) if report.longest_gap_mm > 0.0 =>
+                format!("whole (longest gap {:.1} mm, within the limit)", report.longest_gap_mm),
+            (true, false) => "whole".to_owned(),
+        }
+    );
+    for gap in &report.gaps {
+        text += &format!(
+            "  gap       {:8.1} to {:8.1} mm  {:6.1} mm long\n",
+            gap.start_mm, gap.end_mm, gap.length_mm
+        );
+    }
+    for object in &report.objects {
+        let height =
+            object.height_mm.map_or("height unknown".to_owned(), |height| format!("{height:.1} mm high"));
+        text += &format!(
+            "  object    {:8.1} to {:8.1} mm  {height}, {}\n",
+            object.start_mm, object.end_mm, object.size
+        );
+    }
+    let causes = if report.mcu.causes.is_empty() {
+        String::new()
+    } else {
+        format!(": {}", report.mcu.causes.join(", "))
+    };
+    text += &format!("  relay     {}{causes}\n", report.mcu.relay);
+    text
+}
