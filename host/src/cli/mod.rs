@@ -1,5 +1,6 @@
 //! The command `nearfield`: its subcommands, one file each, and what they share.
 
+pub mod demo;
 pub mod evaluate_scenes;
 pub mod inspect;
 pub mod mcu;
@@ -25,6 +26,7 @@ pub struct CommandLine {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Demo(demo::Demo),
     Inspect(inspect::Inspect),
     Replay(replay::Replay),
     Rig(rig::RigArguments),
@@ -37,6 +39,7 @@ impl CommandLine {
     #[must_use]
     pub fn run(&self) -> ExitCode {
         let result = match &self.command {
+            Command::Demo(demo) => demo.run(),
             Command::Inspect(inspect) => inspect.run(),
             Command::Replay(replay) => replay.run(),
             Command::Rig(rig) => rig.run(),

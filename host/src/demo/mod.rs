@@ -5,8 +5,10 @@ pub mod check;
 pub mod engine;
 pub mod overlay;
 pub mod record;
+pub mod report;
 pub mod script;
 pub mod timeline;
+pub mod view;
 pub mod watch;
 
 pub use engine::{Audience, DemoError, Engine, Moment, Outcome, Snapshot};
