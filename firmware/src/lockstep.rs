@@ -198,3 +198,84 @@ const fn indicator_code(indicator: Indicator) -> u8 {
         Indicator::Service => 4,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn headers() -> Vec<RequestHeader> {
+        let now = Micros::new(0x0102_0304_0506_0708);
+        let mut all = vec![
+            RequestHeader { request: Request::Start, now, payload_length: 160 },
+            RequestHeader { request: Request::Exchange, now, payload_length: 4096 },
+            RequestHeader { request: Request::Exchange, now, payload_length: 0 },
+            RequestHeader { request: Request::Hang, now, payload_length: 0 },
+        ];
+        for bits in 0..8 {
+            let request = Request::Tick(pins_from_bits(bits));
+            all.push(RequestHeader { request, now, payload_length: 0 });
+        }
+        all
+    }
+
+    #[test]
+    fn what_was_asked_is_what_is_read() {
+        for header in headers() {
+            assert_eq!(RequestHeader::parse(&header.to_bytes()), Ok(header));
+        }
+    }
+
+    #[test]
+    fn golden_bytes_of_a_tick() {
+        let pins = PinInputs { mirror: MirrorContacts { a: false, b: true }, reset_pressed: true };
+        let header =
+            RequestHeader { request: Request::Tick(pins), now: Micros::new(0x0102), payload_length: 0 };
+        assert_eq!(header.to_bytes(), [2, 6, 0, 0, 0, 0, 0, 0, 2, 1, 0, 0, 0, 0, 0, 0]);
+    }
+
+    #[test]
+    fn malformed_requests_are_refused() {
+        let with = |offset: usize, value: u8| {
+            let mut bytes = headers()[2].to_bytes();
+            bytes[offset] = value;
+            RequestHeader::parse(&bytes)
+        };
+        assert!(with(2, 1).is_ok());
+        for (offset, value) in [(0, 0), (0, 5), (1, 1), (3, 17), (4, 1), (7, 1)] {
+            assert_eq!(with(offset, value), Err(MalformedRecord), "{offset} = {value}");
+        }
+        let mut tick = headers()[5].to_bytes();
+        tick[1] = 8;
+        assert_eq!(RequestHeader::parse(&tick), Err(MalformedRecord), "an unknown pin");
+        tick[1] = 0;
+        tick[2] = 1;
+        assert_eq!(RequestHeader::parse(&tick), Err(MalformedRecord), "a tick has no payload");
+    }
+
+    #[test]
+    fn what_was_answered_is_what_is_read() {
+        let request = Request::Tick(PinInputs::default());
+        for indicator in INDICATORS {
+            for (a, b, fed) in [(false, false, false), (true, false, true), (false, true, true)] {
+                let outputs = Outputs { relays: Channels { a, b }, laser_level: 77, indicator };
+                let reply = Reply { outputs, fed, status: [9; STATUS_LENGTH] };
+                assert_eq!(Reply::parse(&reply.to_bytes(request), request), Ok(reply));
+                assert_eq!(Reply::parse(&reply.to_bytes(request), Request::Exchange), Err(MalformedRecord));
+            }
+        }
+        let good = Reply { outputs: Outputs::SAFE, fed: false, status: [0; STATUS_LENGTH] }.to_bytes(request);
+        for (offset, value) in [(0, 3), (1, 4), (3, 5), (4, 2), (5, 1), (6, 1), (7, 1)] {
+            let mut bytes = good;
+            bytes[offset] = value;
+            assert_eq!(Reply::parse(&bytes, request), Err(MalformedRecord), "{offset} = {value}");
+        }
+        assert!(
+            Reply::parse(
+                &Reply { outputs: Outputs::SAFE, fed: false, status: [0; STATUS_LENGTH] }
+                    .to_bytes(Request::Hang),
+                Request::Hang
+            )
+            .is_err()
+        );
+    }
+}

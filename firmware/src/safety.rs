@@ -322,3 +322,129 @@ impl SafetyController {
         self.calibration
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Bench, SOURCE};
+    use nearfield_shared::limits::LONGEST_TICK_PERIOD;
+    use nearfield_shared::linescan::HostVerdict;
+
+    fn status(bench: &Bench) -> Status {
+        Status::parse(&bench.controller.status(bench.now)).unwrap()
+    }
+
+    #[test]
+    fn an_armed_controller_closes_feeds_and_tells() {
+        let mut bench = Bench::after(ResetCause::PowerOn);
+        bench.arm();
+        let output = bench.clean_frame();
+        assert_eq!(
+            output.outputs,
+            Outputs { relays: Channels::CLOSED, laser_level: LASER_FULL, indicator: Indicator::Permitted }
+        );
+        assert!(output.permit.is_some());
+        let status = status(&bench);
+        assert_eq!((status.state, status.reset_cause), (StateCode::Running, ResetCause::PowerOn));
+        assert_eq!((status.relay_command, status.relay_readback), (Channels::CLOSED, Channels::CLOSED));
+        assert!(status.live_causes.is_empty() && status.latched_causes.is_empty());
+        assert_eq!(status.accepted, 17);
+        assert_eq!(status.refused, [0; 8]);
+        assert_eq!(status.echoed_sequence.get(), bench.sequence);
+        assert_eq!(
+            status.decision_age,
+            Micros::from_millis(40),
+            "20 ms by the host's word, 20 ms since the status"
+        );
+        assert!(status.decision_age <= status.response_bound);
+    }
+
+    #[test]
+    fn an_exchange_can_open_the_relays_at_once_and_never_close_them() {
+        let mut bench = Bench::after(ResetCause::PowerOn);
+        bench.arm();
+        let scan = bench.scan(None, HostVerdict::Clear);
+        bench.exchange(Some(&scan));
+        assert_eq!(bench.controller.outputs().relays, Channels::OPEN, "before the next tick");
+        // Good again within the same tick period: the event is not forgotten.
+        for _ in 0..3 {
+            let scan = bench.scan(Some(0.0), HostVerdict::Clear);
+            bench.exchange(Some(&scan));
+            assert_eq!(bench.controller.outputs().relays, Channels::OPEN);
+        }
+        assert_eq!(bench.tick().outputs.relays, Channels::OPEN);
+        assert_eq!(status(&bench).state, StateCode::Stopped);
+        assert!(status(&bench).latched_causes.contains(StopCause::StripeMissing));
+    }
+
+    #[test]
+    fn a_late_tick_stops_and_yields_no_permit() {
+        for (late, stops) in [(0, false), (1, true)] {
+            let mut bench = Bench::after(ResetCause::PowerOn);
+            bench.arm();
+            bench.clean_frame();
+            let last = Micros::new(bench.now.get() - 5_000);
+            bench.now = Micros::new(last.plus(LONGEST_TICK_PERIOD).get() + late);
+            let output = bench.tick();
+            assert_eq!(output.permit.is_none(), stops);
+            assert_eq!(output.outputs.relays == Channels::OPEN, stops);
+            assert_eq!(status(&bench).live_causes.contains(StopCause::ProgramFlow), stops);
+        }
+    }
+
+    #[test]
+    fn a_stop_is_no_reason_to_starve_the_watchdog() {
+        let mut bench = Bench::after(ResetCause::PowerOn);
+        for _ in 0..20 {
+            assert!(bench.tick().permit.is_some());
+        }
+        assert!(status(&bench).live_causes.contains(StopCause::LinkTimeout));
+    }
+
+    #[test]
+    fn a_watchdogs_reset_is_told_until_the_reset_button_is_pressed() {
+        let mut bench = Bench::after(ResetCause::Watchdog);
+        bench.exchange(None);
+        for _ in 0..6 {
+            bench.clean_frame();
+        }
+        assert_eq!(status(&bench).state, StateCode::Interlocked);
+        assert!(status(&bench).latched_causes.contains(StopCause::WatchdogReset));
+        assert_eq!(status(&bench).reset_cause, ResetCause::Watchdog);
+        bench.arm();
+        assert!(status(&bench).latched_causes.is_empty());
+    }
+
+    #[test]
+    fn a_start_forgets_everything_that_was() {
+        let mut bench = Bench::after(ResetCause::PowerOn);
+        bench.arm();
+        let rig = crate::testing::rig().to_bytes();
+        bench.controller.start(ResetCause::Pin, &rig).unwrap();
+        let mut fresh = SafetyController::new(SOURCE);
+        fresh.start(ResetCause::Pin, &rig).unwrap();
+        assert_eq!(bench.controller.status(bench.now), fresh.status(bench.now));
+        assert_eq!(bench.controller.outputs().relays, Channels::OPEN);
+    }
+
+    #[test]
+    fn a_rig_that_is_refused_is_told_and_stops() {
+        let mut bench = Bench::after(ResetCause::PowerOn);
+        let refused = bench.controller.start(ResetCause::PowerOn, &[]);
+        assert_eq!(refused, Err(ConfigurationError::Rig(CompactRigError::NotARig)));
+        bench.tick();
+        assert!(status(&bench).live_causes.contains(StopCause::Configuration));
+        assert_eq!(bench.controller.calibration(), None);
+    }
+
+    #[test]
+    fn the_firmware_names_its_version() {
+        let [major, minor, patch] =
+            env!("CARGO_PKG_VERSION").split('.').map(|part| part.parse::<u32>().unwrap()).collect::<Vec<_>>()
+                [..]
+        else {
+            panic!("a version has three parts")
+        };
+        assert_eq!(FIRMWARE_ID, major * 0x100_0000 + minor * 0x1_0000 + patch);
+    }
+}

@@ -245,3 +245,220 @@ fn decide(state: &State, clear: bool, live: StopCauses) -> Decision {
         State::Lockout { fault, .. } => open(live.with(fault.cause())),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evidence::Judge;
+    use nearfield_shared::linescan::HostVerdict;
+    use nearfield_shared::monitor::StripeReport;
+
+    const NOW: Micros = Micros::from_millis(1_000);
+    const OLD: StopCauses = StopCauses::NONE.with(StopCause::LinkDelay);
+
+    /// Evidence that disproves everything, taken at this time.
+    fn evidence_at(taken: Micros) -> Evidence {
+        let whole = StripeReport { watched_columns: 9, ..StripeReport::default() };
+        let whole = StripeReport {
+            cutoff: nearfield_shared::cutoff::Cutoff { floor_columns: 9, ..whole.cutoff },
+            ..whole
+        };
+        let mut judge = Judge::new();
+        judge.judge(taken, &whole, HostVerdict::Clear);
+        let evidence = judge.judge(taken, &whole, HostVerdict::Clear);
+        assert_eq!(evidence.disproven(), SCAN_CAUSES);
+        evidence
+    }
+
+    /// Evidence that leaves these scan causes standing.
+    fn evidence_but(cause: StopCause) -> Evidence {
+        let mut judge = Judge::new();
+        let report = StripeReport { watched_columns: 9, ..StripeReport::default() };
+        let evidence = judge.judge(NOW, &report, HostVerdict::Stop);
+        assert!(evidence.standing().contains(cause));
+        evidence
+    }
+
+    /// Everything speaks for running.
+    fn good() -> Inputs {
+        Inputs {
+            evidence: Some(evidence_at(NOW)),
+            link: StopCauses::NONE,
+            events: StopCauses::NONE,
+            feedback: Feedback::Agrees,
+            command_intact: true,
+            flow_intact: true,
+            configured: true,
+            button_stuck: false,
+            reset: false,
+        }
+    }
+
+    fn after(state: State, inputs: &Inputs) -> State {
+        step(state, NOW, inputs).0
+    }
+
+    fn reset() -> Inputs {
+        Inputs { reset: true, ..good() }
+    }
+
+    /// Every single way in which the inputs can fall short, and its cause.
+    fn shortfalls() -> Vec<(StopCause, Inputs)> {
+        let mut all: Vec<_> = [
+            (StopCause::LinkTimeout, Inputs { evidence: None, ..good() }),
+            (StopCause::Feedback, Inputs { events: StopCauses::NONE.with(StopCause::Feedback), ..good() }),
+            (StopCause::ProgramFlow, Inputs { flow_intact: false, ..good() }),
+            (StopCause::Configuration, Inputs { configured: false, ..good() }),
+            (StopCause::ResetButton, Inputs { button_stuck: true, ..good() }),
+        ]
+        .into();
+        for cause in [
+            StopCause::LinkTimeout,
+            StopCause::LinkCorruption,
+            StopCause::LinkFormat,
+            StopCause::LinkSource,
+            StopCause::LinkCalibration,
+            StopCause::LinkRepetition,
+            StopCause::LinkSequence,
+            StopCause::LinkDelay,
+        ] {
+            all.push((cause, Inputs { link: StopCauses::NONE.with(cause), ..good() }));
+        }
+        for cause in [StopCause::StripeMissing, StopCause::Drop, StopCause::HostRequest] {
+            all.push((cause, Inputs { evidence: Some(evidence_but(cause)), ..good() }));
+        }
+        for cause in StopCause::ALL {
+            all.push((cause, Inputs { events: StopCauses::NONE.with(cause), ..good() }));
+        }
+        all
+    }
+
+    #[test]
+    fn self_test_to_interlocked_when_nothing_speaks_against_it() {
+        let start = State::SelfTest { latched: OLD };
+        assert_eq!(after(start, &good()), State::Interlocked { latched: OLD });
+        assert_eq!(after(start, &reset()), State::Interlocked { latched: OLD }, "no way past the interlock");
+    }
+
+    #[test]
+    fn self_test_waits_for_the_contacts() {
+        let start = State::SelfTest { latched: OLD };
+        assert_eq!(after(start, &Inputs { feedback: Feedback::Settling, ..good() }), start);
+    }
+
+    #[test]
+    fn self_test_to_stopped_while_a_cause_holds() {
+        let start = State::SelfTest { latched: OLD };
+        for (cause, inputs) in shortfalls() {
+            assert_eq!(after(start, &inputs).code(), StateCode::Stopped, "{cause:?}");
+        }
+    }
+
+    #[test]
+    fn interlocked_to_running_by_a_reset_and_by_nothing_else() {
+        let waiting = State::Interlocked { latched: OLD };
+        assert_eq!(after(waiting, &good()), waiting);
+        assert_eq!(after(waiting, &reset()), State::Running);
+        for (cause, inputs) in shortfalls() {
+            let next = after(waiting, &Inputs { reset: true, ..inputs });
+            assert_eq!(next.code(), StateCode::Stopped, "{cause:?}: a reset does not outvote it");
+        }
+        let settling = Inputs { feedback: Feedback::Settling, ..reset() };
+        assert_eq!(after(waiting, &settling).code(), StateCode::Stopped, "contacts not proven open");
+    }
+
+    #[test]
+    fn running_to_stopped_by_every_single_cause() {
+        assert_eq!(after(State::Running, &good()), State::Running);
+        for (cause, inputs) in shortfalls() {
+            let (next, decision) = step(State::Running, NOW, &inputs);
+            assert_eq!(next.code(), StateCode::Stopped, "{cause:?}");
+            assert!(next.latched().contains(cause) && decision.live.contains(cause), "{cause:?}");
+            assert!(!decision.close_relays, "{cause:?}");
+        }
+    }
+
+    #[test]
+    fn running_may_close_contacts_that_have_not_followed_yet() {
+        let settling = Inputs { feedback: Feedback::Settling, ..good() };
+        assert!(step(State::Running, NOW, &settling).1.close_relays);
+    }
+
+    #[test]
+    fn stopped_to_interlocked_when_the_last_cause_has_gone_and_never_to_running() {
+        let stopped = State::Stopped { latched: OLD };
+        assert_eq!(after(stopped, &good()), State::Interlocked { latched: OLD });
+        assert_eq!(after(stopped, &reset()), State::Interlocked { latched: OLD });
+        for (cause, inputs) in shortfalls() {
+            let next = after(stopped, &Inputs { reset: true, ..inputs });
+            assert_eq!(next.code(), StateCode::Stopped, "{cause:?}");
+            assert!(next.latched().contains(StopCause::LinkDelay), "the first cause is kept");
+        }
+    }
+
+    #[test]
+    fn contacts_that_are_on_their_way_delay_the_interlock_without_being_blamed() {
+        let settling = Inputs { feedback: Feedback::Settling, ..good() };
+        let (next, decision) = step(State::Stopped { latched: OLD }, NOW, &settling);
+        assert_eq!(next, State::Stopped { latched: OLD });
+        assert_eq!(decision.live, StopCauses::NONE.with(StopCause::Interlock));
+    }
+
+    #[test]
+    fn every_state_to_lockout_by_a_fault_and_no_way_out() {
+        let faults = [
+            (Fault::Feedback, Inputs { feedback: Feedback::Failed, ..good() }),
+            (Fault::RelayMemory, Inputs { command_intact: false, ..good() }),
+        ];
+        let states = [
+            State::SelfTest { latched: OLD },
+            State::Interlocked { latched: OLD },
+            State::Running,
+            State::Stopped { latched: OLD },
+        ];
+        for (fault, inputs) in faults {
+            for state in states {
+                let (locked, decision) = step(state, NOW, &Inputs { reset: true, ..inputs });
+                assert!(matches!(locked, State::Lockout { fault: found, .. } if found == fault));
+                assert!(!decision.close_relays && decision.live.contains(fault.cause()));
+                assert!(locked.latched().contains(fault.cause()));
+                assert_eq!(after(locked, &good()), locked);
+                assert_eq!(after(locked, &reset()), locked);
+                assert!(!step(locked, NOW, &reset()).1.close_relays);
+            }
+        }
+    }
+
+    #[test]
+    fn evidence_counts_until_the_link_times_out() {
+        let taken = Micros::from_millis(500);
+        for (change, running) in [(-1, true), (0, true), (1, false)] {
+            let now = Micros::new(taken.plus(LINK_TIMEOUT).get().saturating_add_signed(change));
+            let inputs = Inputs { evidence: Some(evidence_at(taken)), ..good() };
+            assert_eq!(step(State::Running, now, &inputs).1.close_relays, running, "{change}");
+        }
+        let future = Inputs { evidence: Some(evidence_at(NOW.plus(Micros::new(1)))), ..good() };
+        assert!(
+            !step(State::Running, NOW, &future).1.close_relays,
+            "evidence from the future proves nothing"
+        );
+    }
+
+    #[test]
+    fn relays_are_closed_exactly_when_no_cause_is_shown() {
+        for state in [State::Running, State::Interlocked { latched: OLD }, State::Stopped { latched: OLD }] {
+            for (_, inputs) in
+                shortfalls().into_iter().chain([(StopCause::Drop, good()), (StopCause::Drop, reset())])
+            {
+                let decision = step(state, NOW, &inputs).1;
+                assert_eq!(decision.close_relays, decision.live.is_empty(), "{state:?} {inputs:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn without_a_fresh_line_scan_its_causes_are_not_guessed() {
+        let decision = step(State::Running, NOW, &Inputs { evidence: None, ..good() }).1;
+        assert_eq!(decision.live, StopCauses::NONE.with(StopCause::LinkTimeout));
+    }
+}

@@ -1,3 +1,5 @@
 //! The harness of the behaviour tests.
 
+pub mod emulator;
 pub mod oracle;
+pub mod stage;

@@ -59,8 +59,10 @@ impl Emulator {
         };
         let mut emulator =
             Self { child, requests, replies, monitor, directory, trace_read: 0, relays: Relays::default() };
-        // The machine starts stopped: once it waits for a request, its monitor cannot take orders any more.
+        // The machine starts stopped: once it waits for a request, its monitor takes no orders any more and gives no
+        // answers, not even to the order to continue. Events still come.
         emulator.order("qmp_capabilities")?;
+        emulator.wait_for_monitor("qmp_capabilities", |message| message.get("return").is_some())?;
         emulator.order("cont")?;
         Ok(emulator)
     }
@@ -118,10 +120,21 @@ impl Emulator {
         Ok(self.relays)
     }
 
+    /// Waits until both relays are seen open. QEMU lights its LEDs at a reset, though the register that they show is
+    /// cleared; the firmware's first act puts them out.
+    pub(super) fn wait_until_open(&mut self) -> Result<(), LinkError> {
+        for _ in 0..SLICES {
+            if self.relays()? == Relays::default() {
+                return Ok(());
+            }
+            std::thread::sleep(SLICE / 20);
+        }
+        Err(self.silent("the relays to open after the reset"))
+    }
+
     fn order(&mut self, command: &'static str) -> Result<(), LinkError> {
         writeln!(self.monitor.get_mut(), "{{\"execute\": \"{command}\"}}")
-            .map_err(|source| LinkError::System { action: "command the emulator's monitor", source })?;
-        self.wait_for_monitor(command, |message| message.get("return").is_some())
+            .map_err(|source| LinkError::System { action: "command the emulator's monitor", source })
     }
 
     fn wait_for_monitor(

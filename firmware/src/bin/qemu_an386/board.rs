@@ -98,7 +98,8 @@ pub(crate) fn restart(why: &str) -> ! {
     open_relays();
     crate::semihosting::print(why);
     crate::semihosting::print("\n");
+    let mark = (&raw mut MARK).cast::<u32>();
     // SAFETY: as in `reset_cause`; the reset follows.
-    unsafe { write_volatile((&raw mut MARK).cast::<u32>(), RESTARTING) };
+    unsafe { write_volatile(mark, RESTARTING) };
     cortex_m::peripheral::SCB::sys_reset()
 }

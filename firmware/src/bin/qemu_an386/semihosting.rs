@@ -59,9 +59,9 @@ pub(crate) fn print(text: &str) {
 
 /// The command line's last word.
 pub(crate) fn last_word(buffer: &mut [u8; 96]) -> &str {
-    let mut block = [buffer.as_mut_ptr() as usize, buffer.len()];
+    let block = [buffer.as_mut_ptr() as usize, buffer.len()];
     // SAFETY: the block names a live buffer and its length, as GET_CMDLINE requires.
-    let failed = unsafe { syscall(nr::GET_CMDLINE, black_box(&mut block)) } != 0;
+    let failed = unsafe { syscall(nr::GET_CMDLINE, black_box(&block)) } != 0;
     // SAFETY: an element of a live array, which the emulator has written behind the compiler's back.
     let length = unsafe { read_volatile(&raw const block[1]) };
     black_box(&mut *buffer);

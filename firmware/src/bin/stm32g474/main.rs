@@ -1,15 +1,175 @@
-//! placeholder
+//! The firmware on the STM32G474RE (Nucleo-G474RE). Built, not run on hardware.
+//!
+//! Two tasks that move bytes and pins; `nearfield_firmware` decides:
+//!
+//! * `safety_task`, in an interrupt: every 5 ms a tick, and each received message as it comes; it alone drives the
+//!   relays and feeds the watchdogs;
+//! * `link_task`, in thread mode: one SPI transaction after the other.
+//!
+//! | pin | direction | use |
+//! |---|---|---|
+//! | PC0, PC1 | out | relay coils, channels A and B; high = closed |
+//! | PC2, PC3 | in, pull-down | mirror contacts of A and B; high = main contacts proven open |
+//! | PC13 | in, pull-down | reset button; high = pressed |
+//! | PC8 | in, pull-down | service key; high at power-up = service mode, see `service` |
+//! | PC9 | out | laser driver; high = full brightness |
+//! | PA5, PC4, PC5 | out | lamps: permitted, waiting for reset, service |
+//! | PB12, PB13, PB14, PB15 | SPI2 slave | NSS, SCK, MISO, MOSI; mode 0, up to 16 MHz |
+//! | PA8 | out | READY: high = the host may clock one transaction |
+//!
+//! Every output is low in reset, and low means safe. A panic or a fault pulls the relays low and resets.
 #![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(target_os = "none")]
+mod board;
+#[cfg(target_os = "none")]
+mod calibration;
+#[cfg(target_os = "none")]
+mod host_link;
+#[cfg(target_os = "none")]
+mod service;
+
 #[cfg(target_os = "none")]
 mod target {
+    use crate::board::{self, Watchdogs};
+    use crate::host_link::{self, Exchanges, HostLink};
+    use crate::{calibration, service};
+    use defmt_rtt as _;
+    use embassy_executor::{Executor, InterruptExecutor};
+    use embassy_futures::select::{Either, select};
+    use embassy_stm32::interrupt::{self, InterruptExt as _, Priority};
+    use embassy_time::{Duration, Instant, Timer};
+    use nearfield_firmware::link::is_poll;
+    use nearfield_firmware::safety::{Outputs, SafetyController};
+    use nearfield_shared::limits::TICK_PERIOD;
+    use nearfield_shared::rig::COMPACT_LENGTH;
+    use nearfield_shared::status::ResetCause;
+    use nearfield_shared::units::{Micros, SourceId};
+    use static_cell::{ConstStaticCell, StaticCell};
+
+    /// Which module of the robot this is. One module a robot so far; others are built with another number.
+    const SOURCE: SourceId = SourceId::new(1);
+
+    static CONTROLLER: ConstStaticCell<SafetyController> =
+        ConstStaticCell::new(SafetyController::new(SOURCE));
+    static THREAD_EXECUTOR: StaticCell<Executor> = StaticCell::new();
+    /// Runs the safety task above the link task, in an interrupt that no peripheral of this board uses.
+    static SAFETY_EXECUTOR: InterruptExecutor = InterruptExecutor::new();
+
+    defmt::timestamp!("{=u64:us}", Instant::now().as_micros());
+
+    /// The safety executor's interrupt.
+    #[embassy_stm32::interrupt]
+    unsafe fn UART5() {
+        // SAFETY: called from the interrupt that the executor was started with, and from nowhere else.
+        unsafe { SAFETY_EXECUTOR.on_interrupt() }
+    }
+
     #[panic_handler]
     fn panic(_info: &core::panic::PanicInfo<'_>) -> ! {
-        loop {}
+        board::restart()
     }
+
+    #[cortex_m_rt::exception]
+    unsafe fn HardFault(_frame: &cortex_m_rt::ExceptionFrame) -> ! {
+        board::restart()
+    }
+
     #[cortex_m_rt::entry]
     fn main() -> ! {
-        loop {}
+        THREAD_EXECUTOR.init(Executor::new()).run(|spawner| match link_task() {
+            Ok(task) => spawner.spawn(task),
+            Err(_) => board::restart(),
+        })
+    }
+
+    /// Sets the board up, starts the safety task, and then moves messages.
+    #[embassy_executor::task]
+    async fn link_task() {
+        let reset_cause = board::take_reset_cause();
+        let board = board::start();
+        defmt::info!("reset cause {=u8}", log_code(reset_cause));
+        let mut stored = [0; COMPACT_LENGTH];
+        let mut store = calibration::Store::new(board.flash);
+        store.load(&mut stored).await;
+        let mut link = HostLink::new(board.link);
+        if board.service_key.is_high() {
+            // The controller is not even started: nothing can close the relays.
+            service::run(&mut link, &mut store).await;
+        }
+        let controller = CONTROLLER.take();
+        match controller.start(reset_cause, &stored) {
+            Ok(()) => defmt::info!("calibration in use"),
+            Err(_) => defmt::warn!("no valid calibration: the relays stay open"),
+        }
+        let exchanges = host_link::exchanges();
+        exchanges.publish(controller.status(now()));
+        let watchdogs = Watchdogs::start(board.independent_watchdog, board.window_watchdog);
+        interrupt::UART5.set_priority(Priority::P6);
+        let spawner = SAFETY_EXECUTOR.start(interrupt::UART5);
+        match safety_task(controller, board.pins, watchdogs, exchanges) {
+            Ok(task) => spawner.spawn(task),
+            Err(_) => board::restart(),
+        }
+        link.run(exchanges).await
+    }
+
+    fn now() -> Micros {
+        Micros::new(Instant::now().as_micros())
+    }
+
+    const fn log_code(cause: ResetCause) -> u8 {
+        match cause {
+            ResetCause::PowerOn => 1,
+            ResetCause::Pin => 2,
+            ResetCause::Watchdog => 3,
+            ResetCause::Software => 4,
+            ResetCause::Unknown => 5,
+        }
+    }
+
+    /// The only task that drives outputs and feeds watchdogs.
+    #[embassy_executor::task]
+    async fn safety_task(
+        controller: &'static mut SafetyController,
+        mut pins: board::Pins,
+        mut watchdogs: Watchdogs,
+        exchanges: &'static Exchanges,
+    ) {
+        let period = Duration::from_micros(TICK_PERIOD.get());
+        let mut outputs = Outputs::SAFE;
+        // A whole period after the window watchdog's start: an early feed would be a reset.
+        let mut next_tick = Instant::now() + period;
+        loop {
+            let before = outputs;
+            match select(exchanges.received(), Timer::at(next_tick)).await {
+                Either::First(message) => {
+                    let line_scan = (!is_poll(message)).then_some(message.as_slice());
+                    outputs = controller.on_exchange(now(), line_scan);
+                    pins.drive(outputs);
+                    exchanges.publish(controller.status(now()));
+                    exchanges.give_back(message);
+                }
+                Either::Second(()) => {
+                    // Measured from now: ticks that were missed are not made up for in a burst.
+                    next_tick = Instant::now() + period;
+                    let tick = controller.tick(now(), pins.read());
+                    outputs = tick.outputs;
+                    pins.drive(outputs);
+                    if let Some(permit) = tick.permit {
+                        watchdogs.feed(permit);
+                    }
+                    exchanges.publish(controller.status(now()));
+                }
+            }
+            if outputs != before {
+                defmt::info!("relays {=bool} {=bool}", outputs.relays.a, outputs.relays.b);
+            }
+        }
     }
 }
+
 #[cfg(not(target_os = "none"))]
-fn main() {}
+fn main() {
+    eprintln!("stm32g474 runs on a board; build it with `cargo xtask firmware` and flash it with probe-rs");
+}

@@ -1,0 +1,131 @@
+//! SPI2 as the host's slave: one full-duplex transaction of a fixed length for each camera frame.
+//!
+//! READY goes high when the DMA is armed, and the host may clock one transaction. While a received message is looked
+//! at, READY is low, so that one buffer is enough; it serves both directions.
+
+use crate::board::LinkParts;
+use core::cell::Cell;
+use embassy_stm32::spi::{self, Spi};
+use embassy_stm32::{bind_interrupts, dma, pac, peripherals};
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::channel::Channel;
+use embassy_time::{Duration, with_timeout};
+use nearfield_shared::linescan::LINE_SCAN_LENGTH;
+use nearfield_shared::status::STATUS_LENGTH;
+use static_cell::ConstStaticCell;
+
+bind_interrupts!(struct Interrupts {
+    DMA1_CHANNEL1 => dma::InterruptHandler<peripherals::DMA1_CH1>;
+    DMA1_CHANNEL2 => dma::InterruptHandler<peripherals::DMA1_CH2>;
+});
+
+/// One transaction's bytes.
+pub(crate) type Message = [u8; LINE_SCAN_LENGTH];
+
+/// A transaction that does not complete in this time was short or never came: start over. Longer than the link's
+/// timeout; the relays do not wait for it.
+const TRANSACTION_TIMEOUT: Duration = Duration::from_millis(100);
+
+/// In RAM, not on the stack: DMA cannot reach the stack's memory.
+static BUFFER: ConstStaticCell<Message> = ConstStaticCell::new([0; LINE_SCAN_LENGTH]);
+
+/// What the link task and the safety task hand each other.
+pub(crate) struct Exchanges {
+    received: Channel<CriticalSectionRawMutex, &'static mut Message, 1>,
+    returned: Channel<CriticalSectionRawMutex, &'static mut Message, 1>,
+    status: Mutex<CriticalSectionRawMutex, Cell<[u8; STATUS_LENGTH]>>,
+}
+
+static EXCHANGES: Exchanges = Exchanges {
+    received: Channel::new(),
+    returned: Channel::new(),
+    status: Mutex::new(Cell::new([0; STATUS_LENGTH])),
+};
+
+/// The only one.
+pub(crate) const fn exchanges() -> &'static Exchanges {
+    &EXCHANGES
+}
+
+impl Exchanges {
+    /// For the safety task: the next received message.
+    pub(crate) async fn received(&self) -> &'static mut Message {
+        self.received.receive().await
+    }
+
+    /// For the safety task: the message was looked at.
+    pub(crate) fn give_back(&self, message: &'static mut Message) {
+        // There is one message, so there is room for it.
+        let _ = self.returned.try_send(message);
+    }
+
+    /// For the safety task: the status that the next transaction carries.
+    pub(crate) fn publish(&self, status: [u8; STATUS_LENGTH]) {
+        self.status.lock(|cell| cell.set(status));
+    }
+}
+
+/// The link's hardware.
+pub(crate) struct HostLink {
+    parts: LinkParts,
+}
+
+impl HostLink {
+    pub(crate) const fn new(parts: LinkParts) -> Self {
+        Self { parts }
+    }
+
+    /// The one buffer; call once.
+    pub(crate) fn take_buffer(&mut self) -> &'static mut Message {
+        BUFFER.take()
+    }
+
+    /// Transaction after transaction.
+    pub(crate) async fn run(&mut self, exchanges: &'static Exchanges) {
+        let mut message = self.take_buffer();
+        loop {
+            let status = exchanges.status.lock(Cell::get);
+            if self.exchange(message, &status).await {
+                exchanges.received.send(message).await;
+                message = exchanges.returned.receive().await;
+            } else {
+                defmt::debug!("no transaction");
+            }
+        }
+    }
+
+    /// One transaction: `answer` goes out at its beginning, `message` takes what comes in. `false` if it did not
+    /// complete.
+    pub(crate) async fn exchange(&mut self, message: &mut Message, answer: &[u8]) -> bool {
+        message.fill(0);
+        for (byte, answer) in message.iter_mut().zip(answer) {
+            *byte = *answer;
+        }
+        let parts = &mut self.parts;
+        // A new driver each time resets the SPI: nothing else empties its transmit FIFO after a short transaction.
+        let mut driver = Spi::new_slave(
+            parts.spi.reborrow(),
+            parts.clock.reborrow(),
+            parts.from_host.reborrow(),
+            parts.to_host.reborrow(),
+            parts.select.reborrow(),
+            parts.transmit.reborrow(),
+            parts.receive.reborrow(),
+            Interrupts,
+            spi::Config::default(),
+        );
+        // The driver leaves MISO at the lowest slew rate, too slow for 16 MHz.
+        pac::GPIOB
+            .ospeedr()
+            .modify(|register| register.set_ospeedr(14, pac::gpio::vals::Ospeedr::VERY_HIGH_SPEED));
+        let transfer = async {
+            // The transfer arms the DMA at its first poll, in the same breath as this.
+            parts.ready.set_high();
+            driver.transfer_in_place(message.as_mut_slice()).await
+        };
+        let done = with_timeout(TRANSACTION_TIMEOUT, transfer).await;
+        parts.ready.set_low();
+        matches!(done, Ok(Ok(())))
+    }
+}
