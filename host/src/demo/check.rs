@@ -34,6 +34,7 @@ impl Evidence<'_> {
             Check::StaysOpen(from, to) => self.stays(false, from, to),
             Check::StaysClosed(from, to) => self.stays(true, from, to),
             Check::Closes(press, within) => self.closes(press, within),
+            Check::Measures(at, tolerance) => self.measures(at, tolerance),
             Check::Opens(trigger, within, cause) => self.opens(trigger, within, cause),
         }
     }
@@ -62,6 +63,21 @@ impl Evidence<'_> {
         match self.commanded().first(true, micros(pressed)).map(|when| millis(when) - pressed) {
             Some(after) => simple(expected, format!("closed after {after:.0} ms"), after <= within),
             None => simple(expected, "never closed".to_owned(), false),
+        }
+    }
+
+    fn measures(&self, at: f64, tolerance: f64) -> CheckRecord {
+        let expected =
+            format!("the controller's highest point at {} is right within {tolerance:.0} mm", seconds(at));
+        let frame = self.frames.iter().find(|frame| frame.t_ms >= self.start_ms + at);
+        match frame.map(|frame| (frame.highest_mm.map(f64::from), frame.true_highest_mm)) {
+            Some((Some(measured), Some(real))) => {
+                let happened = format!("measured {measured:.1} mm, really {real:.1} mm");
+                simple(expected, happened, (measured - real).abs() <= tolerance)
+            }
+            Some((None, _)) => simple(expected, "measured nothing raised".to_owned(), false),
+            Some((_, None)) => simple(expected, "there is nothing raised".to_owned(), false),
+            None => simple(expected, "there is no such frame".to_owned(), false),
         }
     }
 
@@ -193,6 +209,19 @@ mod tests {
         assert!(!judge(Check::Closes(300.0, 150.0), None, "").met, "too late");
         assert!(!judge(Check::Closes(600.0, 150.0), None, "").met, "was closed already");
         assert!(!judge(Check::Closes(1200.0, 150.0), None, "").met, "never again");
+    }
+
+    #[test]
+    fn a_height_is_right_or_wrong_or_missing() {
+        let traces = Traces::default();
+        let measured = |highest_mm, true_highest_mm| {
+            let frames = [FrameRecord { highest_mm, true_highest_mm, ..frame(0.0, &[]) }];
+            let evidence = Evidence { start_ms: 0.0, traces: &traces, frames: &frames, interrupted_ms: None };
+            evidence.judge(Check::Measures(0.0, 2.0)).met
+        };
+        assert!(measured(Some(41.9), Some(40.0)) && measured(Some(38.1), Some(40.0)));
+        assert!(!measured(Some(42.1), Some(40.0)) && !measured(Some(37.9), Some(40.0)));
+        assert!(!measured(None, Some(40.0)) && !measured(Some(40.0), None));
     }
 
     #[test]

@@ -11,11 +11,11 @@ use std::time::Instant;
 use nearfield_shared::columns::GeometryError;
 use nearfield_shared::linescan::{HostVerdict, LINE_SCAN_LENGTH};
 use nearfield_shared::rig::Rig;
-use nearfield_shared::status::{ResetCause, Status};
 
 use super::check::{Evidence, millis};
+use super::health::HealthCount;
 use super::overlay;
-use super::record::{ActRecord, DemoRecord, FrameRecord, LinkHealth, MessageFate};
+use super::record::{ActRecord, DemoRecord, FrameRecord, MessageFate};
 use super::script::{self, Act};
 use super::timeline::{Disturbance, Timeline};
 use super::watch::{Traces, WatchedLink};
@@ -131,15 +131,6 @@ pub struct Engine {
     snapshots: Vec<Snapshot>,
     profile: Vec<(f32, f32)>,
     health: HealthCount,
-}
-
-/// Counts of a controller that may restart.
-#[derive(Debug, Default)]
-struct HealthCount {
-    earlier: [u32; nearfield_shared::status::REFUSAL_KINDS],
-    last: Option<Status>,
-    longest_decision_age_ms: f64,
-    watchdog_resets: u32,
 }
 
 impl Engine {
@@ -361,10 +352,14 @@ impl Engine {
         let traces = self.traces.borrow();
         let evidence =
             Evidence { start_ms, traces: &traces, frames, interrupted_ms: self.interrupted_ms.take() };
+        let old = frames.first().map_or(&[][..], |frame| &frame.latched_causes[..]);
         let mut causes = Vec::new();
-        for cause in frames.iter().flat_map(|frame| frame.live_causes.iter().chain(&frame.latched_causes)) {
-            if !causes.contains(cause) {
-                causes.push(*cause);
+        for frame in frames {
+            let latched = frame.latched_causes.iter().filter(|cause| !old.contains(*cause));
+            for cause in frame.live_causes.iter().chain(latched) {
+                if !causes.contains(cause) {
+                    causes.push(*cause);
+                }
             }
         }
         let largest =
@@ -404,36 +399,5 @@ impl Engine {
             frames: self.frames,
         };
         Outcome { record, snapshots: self.snapshots }
-    }
-}
-
-impl HealthCount {
-    /// A status; counts that fell mean that the controller has restarted.
-    fn note(&mut self, status: &Status) {
-        if let Some(last) = &self.last
-            && status.accepted < last.accepted
-        {
-            for (sum, count) in self.earlier.iter_mut().zip(last.refused) {
-                *sum += count;
-            }
-            if status.reset_cause == ResetCause::Watchdog {
-                self.watchdog_resets += 1;
-            }
-        }
-        self.longest_decision_age_ms = self.longest_decision_age_ms.max(millis(status.longest_decision_age));
-        self.last = Some(*status);
-    }
-
-    fn finish(self) -> LinkHealth {
-        let Some(last) = self.last else { return LinkHealth::default() };
-        let kinds = nearfield_shared::causes::StopCause::ALL.into_iter().skip(5);
-        let counts = self.earlier.iter().zip(last.refused).map(|(earlier, now)| earlier + now);
-        LinkHealth {
-            accepted: last.accepted,
-            refused: kinds.map(|cause| cause.name()).zip(counts).collect(),
-            longest_decision_age_ms: self.longest_decision_age_ms,
-            response_bound_ms: millis(last.response_bound),
-            watchdog_resets: self.watchdog_resets,
-        }
     }
 }

@@ -3,6 +3,7 @@
 
 pub mod check;
 pub mod engine;
+mod health;
 pub mod overlay;
 pub mod record;
 pub mod report;

@@ -10,11 +10,13 @@ use crate::vision::Extractor;
 const FLOOR_COLOUR: [u8; 3] = [86, 180, 233];
 const RAISED_COLOUR: [u8; 3] = [230, 159, 0];
 /// Distance of the floor's marks from the stripe, so that they do not hide it, in pixels of a 1152-wide picture.
-const MARK_OFFSET: usize = 9;
+const MARK_OFFSET: usize = 14;
+/// Thickness of the marks, in pixels of a 1152-wide picture.
+const MARK_SIZE: usize = 3;
 /// JPEG quality of pictures in the report.
 const QUALITY: u8 = 82;
 
-/// The camera's picture with a tick above the stripe wherever the host found lit floor, and a dot on every point at
+/// The camera's picture with a mark above the stripe wherever the host found lit floor, and one below every point at
 /// which it found the stripe off the floor.
 #[must_use]
 pub fn annotate(picture: &Picture, extractor: &Extractor) -> Picture {
@@ -24,7 +26,7 @@ pub fn annotate(picture: &Picture, extractor: &Extractor) -> Picture {
         let Some(map) = extractor.geometry().map(column) else { continue };
         if reading.row.is_finite() && is_floor(map.height(reading.row)) {
             let row = (reading.row as usize).saturating_sub(MARK_OFFSET * scale);
-            mark(&mut drawn, column, row, scale, FLOOR_COLOUR);
+            mark(&mut drawn, column, row, MARK_SIZE * scale, FLOOR_COLOUR);
         }
     }
     for point in extractor.points().iter().filter(|point| !is_floor(point.height)) {

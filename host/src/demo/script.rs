@@ -20,6 +20,9 @@ pub const HANG_TO_COMMAND_MS: f64 = 110.0;
 /// From the reset button's press to the closed command, at most: the press itself (150) and a frame.
 pub const PRESS_TO_CLOSED_MS: f64 = 200.0;
 
+/// The controller's heights may differ from the real ones by this, millimetres.
+pub const HEIGHT_TOLERANCE_MM: f64 = 2.0;
+
 /// One act of the minute; times are milliseconds from its beginning.
 #[derive(Debug, Clone)]
 pub struct Act {
@@ -97,6 +100,8 @@ pub enum Check {
     Opens(Trigger, f64, StopCause),
     /// The relays are commanded closed within so many milliseconds after the press at this time.
     Closes(f64, f64),
+    /// At this time the controller's highest point is the real one, within so many millimetres.
+    Measures(f64, f64),
 }
 
 /// From when a reaction is counted.
@@ -151,6 +156,7 @@ fn intrusion(
     }
     let checks = vec![
         Check::Opens(Trigger::FirstInterruptedLight, LIGHT_TO_COMMAND_MS, cause),
+        Check::Measures(1400.0, HEIGHT_TOLERANCE_MM),
         Check::StaysOpen(1200.0, 3100.0),
         Check::Closes(3000.0, PRESS_TO_CLOSED_MS),
         Check::StaysClosed(3300.0, 4500.0),
@@ -226,9 +232,9 @@ fn opening() -> Vec<Act> {
                 300.0,
                 4800.0,
                 Action::Visit(Visit {
-                    object: carton("carton", [140.0, 90.0, 100.0], 0.0, "cardboard"),
-                    from_mm: [-620.0, 95.0],
-                    to_mm: [260.0, 82.0],
+                    object: carton("carton", [140.0, 90.0, 55.0], 0.0, "cardboard"),
+                    from_mm: [-620.0, 90.0],
+                    to_mm: [260.0, 68.0],
                     speed_mm_per_s: 450.0,
                 }),
             )],
@@ -270,7 +276,7 @@ fn intrusions() -> Vec<Act> {
         intrusion(
             "box",
             "A 60 mm box slides in",
-            "The relays open; the controller itself measures how high the light climbs.",
+            "The relays open, and the controller measures by itself how high the light climbs on it.",
             block,
             StopCause::StripeCut,
             false,
@@ -278,7 +284,7 @@ fn intrusions() -> Vec<Act> {
         intrusion(
             "hand",
             "A hand reaches in",
-            "The relays open before the hand is half-way.",
+            "The relays open, and stay open until the hand is gone and somebody has pressed the button.",
             arm,
             StopCause::StripeCut,
             false,
@@ -392,6 +398,7 @@ mod tests {
             for check in &act.checks {
                 let (from, to) = match *check {
                     Check::StaysOpen(from, to) | Check::StaysClosed(from, to) => (from, to),
+                    Check::Measures(at, _) => (at, at),
                     Check::Closes(at, within) | Check::Opens(Trigger::At(at), within, _) => (at, at + within),
                     Check::Opens(Trigger::FirstInterruptedLight, ..) => (0.0, 0.0),
                 };

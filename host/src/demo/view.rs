@@ -207,7 +207,7 @@ fn draw_facts(frame: &mut Frame<'_>, area: Rect, record: &FrameRecord) {
         row("state", record.state.replace('_', " ")),
         row("longest gap", number(record.longest_gap_mm, "none")),
         row("highest", number(record.highest_mm, "nothing raised")),
-        row("light to now", format!("{:.0} ms", record.decision_age_ms)),
+        row("light age", format!("{:.0} ms", record.decision_age_ms)),
     ];
     let causes = if record.live_causes.is_empty() { &record.latched_causes } else { &record.live_causes };
     for cause in causes {

@@ -281,6 +281,11 @@ fn hand(plan: &Plan<'_>, height: f64) -> Vec<Primitive> {
     let finger = 0.16 * height;
     let mut parts = vec![
         Primitive::Capsule(plan.point(0.0, 3.2 * height, radius), plan.point(0.0, 0.0, radius), radius),
+        Primitive::Capsule(
+            plan.point(0.0, -0.2 * height, 0.44 * height),
+            plan.point(0.0, -0.9 * height, 0.40 * height),
+            0.40 * height,
+        ),
         Primitive::Ellipsoid(
             plan.upright(0.0, -1.15 * height, 0.40 * height),
             Vector::new(0.78 * height, 1.2 * height, 0.40 * height),

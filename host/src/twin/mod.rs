@@ -41,6 +41,7 @@ pub mod picture;
 pub mod random;
 pub mod render;
 pub mod scene;
+mod scene_check;
 pub mod sensor;
 pub mod shape;
 pub mod sheet;

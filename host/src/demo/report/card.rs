@@ -30,16 +30,47 @@ pub fn write(
         escape(act.promise),
     );
     let frames = frames_of(record, act);
-    html.push_str(if snapshot.is_some() { "<div class='body'>" } else { "<div class='body plain'>" });
+    html.push_str("<div class='body'><div>");
     if let Some(snapshot) = snapshot {
-        html.push_str("<div>");
         picture(html, act, snapshot);
-        html.push_str("</div>");
+        profile(html, record, snapshot);
+        html.push_str("</div><div>");
+        reactions(html, act, script);
+    } else {
+        reactions(html, act, script);
+        strip(html, record, act, script, frames);
+        html.push_str("</div><div>");
     }
-    html.push_str("<div>");
+    checks(html, act);
+    findings(html, act, frames, snapshot);
+    if snapshot.is_some() {
+        strip(html, record, act, script, frames);
+    }
+    html.push_str("</div></div></article>");
+}
+
+fn profile(html: &mut String, record: &DemoRecord, snapshot: &Snapshot) {
+    let _ = write!(
+        html,
+        "<figure class='strip'>{}<figcaption class='legend'><span><i style='background:var(--truth)'></i>really there \
+         and visible</span><span><i style='background:var(--floor)'></i>floor, as the host sees it</span><span><i \
+         style='background:var(--raised)'></i>off the floor; height in mm</span></figcaption></figure>",
+        plot::profile(snapshot, record.stripe_mm)
+    );
+}
+
+fn strip(html: &mut String, record: &DemoRecord, act: &ActRecord, script: &Act, frames: &[FrameRecord]) {
+    let plot = plot::strip(script, act.start_ms, frames, &record.relay_changes);
+    let _ = write!(html, "<div class='strip'>{plot}</div>");
+}
+
+fn reactions(html: &mut String, act: &ActRecord, script: &Act) {
     for (check, wanted) in act.checks.iter().zip(&script.checks) {
         reaction(html, check, *wanted);
     }
+}
+
+fn checks(html: &mut String, act: &ActRecord) {
     html.push_str("<ul class='checks'>");
     for check in &act.checks {
         let (class, mark) = if check.met { ("", TICK) } else { (" class='no'", CROSS) };
@@ -51,22 +82,6 @@ pub fn write(
         );
     }
     html.push_str("</ul>");
-    findings(html, act, frames, snapshot);
-    html.push_str("</div></div>");
-    if let Some(snapshot) = snapshot {
-        let _ = write!(
-            html,
-            "<div class='strip'>{}</div><p class='legend'><span><i style='background:var(--truth)'></i>really there and \
-             visible</span><span><i style='background:var(--floor)'></i>floor, as the host sees it</span><span><i \
-             style='background:var(--raised)'></i>off the floor (height in mm)</span></p>",
-            plot::profile(snapshot, record.stripe_mm)
-        );
-    }
-    let _ = write!(
-        html,
-        "<div class='strip'>{}</div></article>",
-        plot::strip(script, act.start_ms, frames, &record.relay_changes)
-    );
 }
 
 fn frames_of<'a>(record: &'a DemoRecord, act: &ActRecord) -> &'a [FrameRecord] {
@@ -79,10 +94,10 @@ fn picture(html: &mut String, act: &ActRecord, snapshot: &Snapshot) {
     let _ = write!(
         html,
         "<figure><img loading='lazy' alt='Camera picture during: {}' src='data:image/jpeg;base64,{}'>\
-         <figcaption>Camera picture at {:.2} s.</figcaption></figure>",
+         <figcaption>The camera&#39;s picture {:.1} s into the act.</figcaption></figure>",
         escape(act.title),
         STANDARD.encode(&snapshot.jpeg),
-        snapshot.t_ms / 1000.0,
+        (snapshot.t_ms - act.start_ms) / 1000.0,
     );
 }
 
@@ -115,9 +130,9 @@ fn findings(html: &mut String, act: &ActRecord, frames: &[FrameRecord], snapshot
         .collect();
     let mut rows = String::new();
     let mut row = |name: &str, value: String| {
-        let _ = write!(rows, "<tr><th>{name}</th><td class='figure'>{}</td></tr>", escape(&value));
+        let _ = write!(rows, "<tr><th>{name}</th><td>{}</td></tr>", escape(&value));
     };
-    if !causes.is_empty() {
+    if !causes.is_empty() && act.checks.iter().any(|check| check.reaction_ms.is_some()) {
         row("causes", causes.join(", "));
     }
     let here = snapshot.and_then(|snapshot| frames.iter().find(|frame| frame.t_ms >= snapshot.t_ms));

@@ -40,7 +40,7 @@ pub fn page(outcome: &Outcome, acts: &[Act]) -> String {
     timeline(&mut html, record);
     html.push_str(
         "<section><h2>Act by act</h2><p>Each act states what must happen before it is played. The pictures are what \
-         the camera sees; blue ticks mark lit floor as the host found it, orange dots the stripe off the floor.</p>",
+         the camera sees; the blue line above the stripe marks lit floor as the host found it, the orange one stripe off the floor. Times count from the act&#39;s beginning.</p>",
     );
     for (index, act) in record.acts.iter().enumerate() {
         let Some(script) = acts.get(index) else { continue };

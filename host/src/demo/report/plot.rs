@@ -209,16 +209,16 @@ impl Lane {
     fn names(&self, svg: &mut String, name: &str, unit: &str) {
         label(svg, 0.0, self.top + 16.0, "", "start", name);
         label(svg, 0.0, self.top + 32.0, "", "start", unit);
-        label(svg, LEFT - 6.0, self.top + 10.0, "", "end", &format!("{:.0}", self.full));
+        label(svg, LEFT - 6.0, self.top + 10.0, "", "end", &format!("{:.0}+", self.full));
         label(svg, LEFT - 6.0, self.y(0.0), "", "end", "0");
     }
 }
 
 /// One act close up: relays, messages, and what was done.
 pub fn strip(act: &Act, start_ms: f64, frames: &[FrameRecord], changes: &[(f64, bool)]) -> String {
-    let (width, left) = (620.0, 78.0);
+    let (width, left) = (540.0, 78.0);
     let end = start_ms + act.length_ms;
-    let scale = Scale { start_ms, per_ms: (width - left - 8.0) / act.length_ms, left };
+    let scale = Scale { start_ms, per_ms: (width - left - 18.0) / act.length_ms, left };
     let mut svg = format!(
         "<svg viewBox='0 0 {width} 92' role='img' aria-label='Relays and messages during this act'>{HATCH}"
     );
@@ -257,14 +257,7 @@ pub fn strip(act: &Act, start_ms: f64, frames: &[FrameRecord], changes: &[(f64, 
             if tick % 2 == 0 { 73 } else { 70 }
         );
         if tick % 2 == 0 {
-            label(
-                &mut svg,
-                scale.x(start_ms + t),
-                87.0,
-                "",
-                "middle",
-                &format!("{:.0} s", (start_ms + t) / 1000.0),
-            );
+            label(&mut svg, scale.x(start_ms + t), 87.0, "", "middle", &format!("{:.0} s", t / 1000.0));
         }
     }
     svg.push_str("</svg>");
@@ -284,7 +277,7 @@ const fn fate_words(fate: MessageFate) -> &'static str {
 
 /// Height along the stripe in one picture: what the host sees over what is really there.
 pub fn profile(snapshot: &Snapshot, stripe_mm: [f64; 2]) -> String {
-    let (width, height, left, bottom) = (620.0, 190.0, 40.0, 24.0);
+    let (width, height, left, bottom) = (540.0, 200.0, 40.0, 26.0);
     let seen = snapshot.profile.iter().filter(|(_, z)| z.is_finite());
     let highest =
         snapshot.true_profile.iter().map(|(_, z, _)| *z).chain(seen.clone().map(|(_, z)| f64::from(*z)));

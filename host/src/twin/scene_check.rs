@@ -1,0 +1,96 @@
+//! Are a scene's values possible? Every refusal names its field and the allowed range.
+
+use super::material;
+use super::scene::{MaterialChoice, Scene, SceneError, SceneObject, Shape};
+
+impl Scene {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// Names the first field that breaks a rule.
+    pub fn check(&self) -> Result<(), SceneError> {
+        let look = &self.look;
+        let exposure = look.exposure.unwrap_or(1.0);
+        within("look.exposure", exposure, 1e-4, 1e4)?;
+        within("look.gain", look.gain, 0.1, 100.0)?;
+        within("look.full_well_electrons", look.full_well_electrons, 100.0, 1e6)?;
+        within("look.read_noise_electrons", look.read_noise_electrons, 0.0, 1000.0)?;
+        within("look.speckle", look.speckle, 0.0, 1.0)?;
+        within("look.blur_pixels", look.blur_pixels, 0.0, 5.0)?;
+        within("look.halo", look.halo, 0.0, 0.5)?;
+        within("look.laser_power", look.laser_power, 0.0, 100.0)?;
+        within("look.fan_overhang_mm", look.fan_overhang_mm, -1000.0, 1000.0)?;
+        within("light.lux", self.light.lux, 0.0, 200_000.0)?;
+        within("light.from_degrees", self.light.from_degrees, -3600.0, 3600.0)?;
+        within("light.unevenness", self.light.unevenness, -1.0, 1.0)?;
+        for line in &self.floor.paint {
+            within("floor.paint.width_mm", line.width_mm, 0.1, 10_000.0)?;
+            within("floor.paint.along_mm", line.along_mm, -10_000.0, 10_000.0)?;
+            within("floor.paint.across_mm", line.across_mm, -10_000.0, 10_000.0)?;
+            within("floor.paint.angle_degrees", line.angle_degrees, -3600.0, 3600.0)?;
+            for share in line.colour {
+                within("floor.paint.colour", f64::from(share), 0.0, 1.0)?;
+            }
+        }
+        self.objects.iter().try_for_each(check_object)
+    }
+}
+
+fn within(field: &str, value: f64, low: f64, high: f64) -> Result<(), SceneError> {
+    if (low..=high).contains(&value) {
+        return Ok(());
+    }
+    let rule = if value.is_finite() { "is out of its range" } else { "is not a finite number" };
+    Err(SceneError::Value { field: format!("{field} = {value} (allowed: {low} to {high})"), rule })
+}
+
+fn check_object(object: &SceneObject) -> Result<(), SceneError> {
+    let name = &object.name;
+    let size = |field: &str, value: f64| within(&format!("object `{name}`: {field}"), value, 0.1, 10_000.0);
+    let place = |field: &str, value: f64| within(&format!("object `{name}`: {field}"), value, -1e5, 1e5);
+    for (field, value) in [
+        ("along_mm", object.along_mm),
+        ("across_mm", object.across_mm),
+        ("yaw_degrees", object.yaw_degrees),
+        ("velocity_mm_per_s", object.velocity_mm_per_s[0]),
+        ("velocity_mm_per_s", object.velocity_mm_per_s[1]),
+    ] {
+        place(field, value)?;
+    }
+    within(&format!("object `{name}`: bottom_mm"), object.bottom_mm, 0.0, 2000.0)?;
+    match &object.shape {
+        Shape::Box { width_mm, depth_mm, height_mm: tall_mm }
+        | Shape::Pit { width_mm, depth_mm, deep_mm: tall_mm } => {
+            size("shape.width_mm", *width_mm)?;
+            size("shape.depth_mm", *depth_mm)?;
+            size("shape.height_mm or deep_mm", *tall_mm)?;
+        }
+        Shape::Post { diameter_mm, height_mm: long_mm } | Shape::Rod { diameter_mm, length_mm: long_mm } => {
+            size("shape.diameter_mm", *diameter_mm)?;
+            size("shape.height_mm or length_mm", *long_mm)?;
+        }
+        Shape::Hand { height_mm } => size("shape.height_mm", *height_mm)?,
+        Shape::Cable { diameter_mm, path_mm } => {
+            size("shape.diameter_mm", *diameter_mm)?;
+            if !(2..=64).contains(&path_mm.len()) {
+                let field = format!("object `{name}`: shape.path_mm");
+                return Err(SceneError::Value { field, rule: "must have 2 to 64 places" });
+            }
+            path_mm.iter().flatten().try_for_each(|value| place("shape.path_mm", *value))?;
+        }
+    }
+    match (&object.material, object.material.resolve()) {
+        (MaterialChoice::Named(material), None) => Err(SceneError::Material {
+            object: name.clone(),
+            material: material.clone(),
+            known: material::MATERIALS.map(|(known, _)| known).join(", "),
+        }),
+        (_, Some(material)) => {
+            let field = format!("object `{name}`: material");
+            let shares = material.albedo.iter().chain([&material.laser_albedo, &material.gloss]);
+            shares.into_iter().try_for_each(|share| within(&field, f64::from(*share), 0.0, 2.0))?;
+            within(&field, f64::from(material.tightness), 1.0, 10_000.0)
+        }
+        (MaterialChoice::Own(_), None) => Ok(()),
+    }
+}
