@@ -2,7 +2,7 @@
 //!
 //! [`SafetyController::tick`] runs every [`TICK_PERIOD`](nearfield_shared::limits::TICK_PERIOD) and is the only place
 //! that can close the relays. [`SafetyController::on_exchange`] takes what an exchange with the host brought and can
-//! only open them, at once. It is about 35 KB large: keep it in a static.
+//! only open them, at once.
 
 use crate::evidence::{Evidence, Judge};
 use crate::flow::{Checkpoint, FeedPermit, FlowMonitor};
@@ -10,6 +10,7 @@ use crate::interlock::ResetButton;
 use crate::link::{Accepted, LinkCounts, Receiver};
 use crate::relay::{MirrorContacts, Relays};
 use crate::supervisor::{self, Inputs, State};
+use core::borrow::BorrowMut;
 use nearfield_shared::causes::{StopCause, StopCauses};
 use nearfield_shared::columns::{Decimation, GeometryError};
 use nearfield_shared::cutoff::Cutoff;
@@ -109,11 +110,15 @@ const UNSEEN: StripeReport = StripeReport {
     watched_columns: 0,
 };
 
-/// The whole controller; see the module's documentation.
+/// The stripe monitor at the line-scan's size, about 37 KB.
+pub type LineScanMonitor = StripeMonitor<LARGEST_COLUMN_COUNT>;
+
+/// The whole controller; see the module's documentation. `M` holds the monitor: a `&'static mut` of zeroed memory on
+/// the microcontroller, a box elsewhere.
 #[derive(Debug)]
-pub struct SafetyController {
+pub struct SafetyController<M> {
     source: SourceId,
-    monitor: StripeMonitor<LARGEST_COLUMN_COUNT>,
+    monitor: M,
     calibration: Option<CalibrationId>,
     reset_cause: ResetCause,
     receiver: Receiver,
@@ -133,13 +138,13 @@ pub struct SafetyController {
     longest_decision_age: Micros,
 }
 
-impl SafetyController {
+impl<M: BorrowMut<LineScanMonitor>> SafetyController<M> {
     /// Everything open, nothing known; see [`Self::start`].
     #[must_use]
-    pub const fn new(source: SourceId) -> Self {
+    pub const fn new(source: SourceId, monitor: M) -> Self {
         Self {
             source,
-            monitor: StripeMonitor::new(),
+            monitor,
             calibration: None,
             reset_cause: ResetCause::Unknown,
             receiver: Receiver::new(source, None, 0),
@@ -168,7 +173,7 @@ impl SafetyController {
     pub fn start(&mut self, reset_cause: ResetCause, stored_rig: &[u8]) -> Result<(), ConfigurationError> {
         self.calibration = None;
         let configured = self.configure(stored_rig);
-        let columns = self.monitor.geometry().column_count();
+        let columns = self.monitor.borrow().geometry().column_count();
         self.receiver = Receiver::new(self.source, self.calibration, columns);
         self.reset_cause = reset_cause;
         self.judge = Judge::new();
@@ -192,7 +197,7 @@ impl SafetyController {
     fn configure(&mut self, stored_rig: &[u8]) -> Result<(), ConfigurationError> {
         let rig = Rig::from_bytes(stored_rig).map_err(ConfigurationError::Rig)?;
         let decimation = Decimation::for_line_scan(rig.image().width);
-        self.monitor.configure(&rig, decimation).map_err(ConfigurationError::Geometry)?;
+        self.monitor.borrow_mut().configure(&rig, decimation).map_err(ConfigurationError::Geometry)?;
         self.calibration = Some(rig.calibration_id());
         Ok(())
     }
@@ -248,10 +253,10 @@ impl SafetyController {
     /// Takes the evidence of an accepted line-scan; returns the causes that it leaves standing.
     fn evaluate(&mut self, now: Micros, accepted: &Accepted<'_>) -> StopCauses {
         if accepted.after_silence {
-            self.monitor.reset();
+            self.monitor.borrow_mut().reset();
             self.judge.reset();
         }
-        self.report = self.monitor.update(accepted.scan.readings());
+        self.report = self.monitor.borrow_mut().update(accepted.scan.readings());
         let evidence = self.judge.judge(now, &self.report, accepted.scan.header().verdict);
         self.evidence = Some(evidence);
         self.decision_age = accepted.age;
@@ -421,7 +426,7 @@ mod tests {
         bench.arm();
         let rig = crate::testing::rig().to_bytes();
         bench.controller.start(ResetCause::Pin, &rig).unwrap();
-        let mut fresh = SafetyController::new(SOURCE);
+        let mut fresh = SafetyController::new(SOURCE, Box::new(LineScanMonitor::new()));
         fresh.start(ResetCause::Pin, &rig).unwrap();
         assert_eq!(bench.controller.status(bench.now), fresh.status(bench.now));
         assert_eq!(bench.controller.outputs().relays, Channels::OPEN);

@@ -1,7 +1,7 @@
 //! For this crate's unit tests: a small rig's messages, and a controller that is led through its states.
 
 use crate::relay::MirrorContacts;
-use crate::safety::{PinInputs, SafetyController, TickOutput};
+use crate::safety::{LineScanMonitor, PinInputs, SafetyController, TickOutput};
 use nearfield_shared::camera::{Camera, Intrinsics, Pose, Vector};
 use nearfield_shared::columns::{Decimation, StripeGeometry};
 use nearfield_shared::laser::Laser;
@@ -58,7 +58,7 @@ pub(crate) fn message(header: &LineScanHeader, columns: &[LineScanColumn]) -> Ve
 
 /// A controller on a test's clock, 20 ms a frame and 5 ms a tick, with ideal relays.
 pub(crate) struct Bench {
-    pub(crate) controller: Box<SafetyController>,
+    pub(crate) controller: SafetyController<Box<LineScanMonitor>>,
     pub(crate) now: Micros,
     pub(crate) pins: PinInputs,
     pub(crate) sequence: u32,
@@ -73,7 +73,7 @@ impl Bench {
         let rig = rig();
         let mut geometry = Box::new(StripeGeometry::empty());
         geometry.fill(&rig, Decimation::for_line_scan(640)).unwrap();
-        let mut controller = Box::new(SafetyController::new(SOURCE));
+        let mut controller = SafetyController::new(SOURCE, Box::new(LineScanMonitor::new()));
         controller.start(reset, &rig.to_bytes()).unwrap();
         let pins = PinInputs { mirror: MirrorContacts::BOTH_OPEN, reset_pressed: false };
         Self { controller, now: Micros::ZERO, pins, sequence: 0, statuses: 0, rig, geometry }

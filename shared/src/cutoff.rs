@@ -90,16 +90,17 @@ impl<const N: usize> CutoffDetector<N> {
         on_gap: impl FnMut(Gap),
     ) -> Cutoff {
         let mut runs = Runs::new(geometry.maps(), on_gap);
+        let reaches = geometry.reaches();
         let mut index = 0_usize;
         // Neighbours with windows of one size are counted in one go.
-        for equals in geometry.reaches().chunk_by(|one, next| one == next) {
-            let Some(reach) = equals.first().map(|reach| usize::from(*reach)) else { continue };
-            let end = index.saturating_add(equals.len());
-            while index < end {
-                let Some(lit) = self.lit.get_mut(index..end) else { break };
-                let counted = count_windows(index, reach, heights, lit, &mut runs);
-                index = index.saturating_add(counted.max(1));
+        while let Some((reach, others)) = reaches.get(index..).and_then(<[u8]>::split_first) {
+            let equals = others.iter().position(|other| other != reach).unwrap_or(others.len());
+            let end = index.saturating_add(equals).saturating_add(1);
+            while let Some(lit) = self.lit.get_mut(index..end).filter(|lit| !lit.is_empty()) {
+                let counted = count_windows(index, usize::from(*reach), heights, lit, &mut runs);
+                index = index.saturating_add(counted);
             }
+            index = end;
         }
         let floor_columns =
             heights.iter().fold(0_u16, |sum, height| sum.saturating_add(u16::from(is_floor(*height))));
@@ -129,7 +130,7 @@ fn count_windows(
     let mut inside =
         window.iter().fold(0_u32, |sum, height| sum.saturating_add(u32::from(is_floor(*height))));
     let vote = Vote::over(window.len());
-    let Some((first, rest)) = lit.split_first_mut() else { return 0 };
+    let Some((first, rest)) = lit.split_first_mut() else { return 1 };
     runs.column(index, vote.judge(inside, first));
     if index < reach {
         // The window is cut off by the stripe's first column: the next one is longer.
@@ -202,9 +203,14 @@ impl<'a, G: FnMut(Gap)> Runs<'a, G> {
 
     #[inline(never)]
     fn change(&mut self, index: usize, verdict: u8) {
+        let changed = self.before ^ verdict;
         self.before = verdict;
-        self.single.column(index, verdict & SINGLE != 0, |_| {});
-        self.voted.column(index, verdict & VOTED != 0, &mut self.on_gap);
+        if changed & SINGLE != 0 {
+            self.single.column(index, verdict & SINGLE != 0, |_| {});
+        }
+        if changed & VOTED != 0 {
+            self.voted.column(index, verdict & VOTED != 0, &mut self.on_gap);
+        }
     }
 
     /// The longest gap of the vote and of this frame alone.

@@ -1,7 +1,7 @@
 //! The firmware library in this process, with a model of the chip's watchdog around it.
 
 use super::{LinkError, McuKind, McuLink, Outputs, PinInputs, Reply, Watchdog};
-use nearfield_firmware::safety::SafetyController;
+use nearfield_firmware::safety::{LineScanMonitor, SafetyController};
 use nearfield_shared::limits::LARGEST_TRANSFER;
 use nearfield_shared::status::{ResetCause, STATUS_LENGTH};
 use nearfield_shared::units::{Micros, SourceId};
@@ -12,7 +12,7 @@ pub(super) const SIMULATED_SOURCE: SourceId = SourceId::new(1);
 /// A controller in this process.
 #[derive(Debug)]
 pub struct InProcess {
-    controller: Box<SafetyController>,
+    controller: SafetyController<Box<LineScanMonitor>>,
     stored_rig: Vec<u8>,
     watchdog: Watchdog,
 }
@@ -22,7 +22,7 @@ impl InProcess {
     #[must_use]
     pub fn new() -> Self {
         Self {
-            controller: Box::new(SafetyController::new(SIMULATED_SOURCE)),
+            controller: SafetyController::new(SIMULATED_SOURCE, Box::new(LineScanMonitor::new())),
             stored_rig: Vec::new(),
             watchdog: Watchdog::new(),
         }

@@ -20,7 +20,7 @@ mod proof {
     use core::panic::PanicInfo;
     use nearfield_firmware::flow::FeedPermit;
     use nearfield_firmware::relay::MirrorContacts;
-    use nearfield_firmware::safety::{PinInputs, SafetyController};
+    use nearfield_firmware::safety::{LineScanMonitor, PinInputs, SafetyController};
     use nearfield_shared::action::{Category, action_for};
     use nearfield_shared::camera::Pixel;
     use nearfield_shared::columns::Decimation;
@@ -82,7 +82,8 @@ mod proof {
 
     static TIME: Unknown<u64> = Unknown::new(0);
     static PINS: Unknown<[bool; 3]> = Unknown::new([false; 3]);
-    static CONTROLLER: Unknown<SafetyController> = Unknown::new(SafetyController::new(SourceId::new(1)));
+    static CONTROLLER: Unknown<SafetyController<LineScanMonitor>> =
+        Unknown::new(SafetyController::new(SourceId::new(1), LineScanMonitor::new()));
     static MONITOR: Unknown<StripeMonitor<1152>> = Unknown::new(StripeMonitor::new());
 
     fn sink(value: bool) {

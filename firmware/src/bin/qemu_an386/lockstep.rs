@@ -2,8 +2,9 @@
 
 use crate::board::{self, Watchdog};
 use crate::semihosting::{Access, File};
+use crate::target::Controller;
 use nearfield_firmware::lockstep::{REQUEST_HEADER_LENGTH, Reply, Request, RequestHeader};
-use nearfield_firmware::safety::{Outputs, PinInputs, SafetyController};
+use nearfield_firmware::safety::{Outputs, PinInputs};
 use nearfield_shared::limits::LARGEST_TRANSFER;
 use nearfield_shared::status::ResetCause;
 use nearfield_shared::units::Micros;
@@ -12,7 +13,7 @@ use static_cell::ConstStaticCell;
 static PAYLOAD: ConstStaticCell<[u8; LARGEST_TRANSFER]> = ConstStaticCell::new([0; LARGEST_TRANSFER]);
 
 /// Answers requests until the host goes away.
-pub(crate) fn run(controller: &mut SafetyController, reset_cause: ResetCause) {
+pub(crate) fn run(controller: &mut Controller, reset_cause: ResetCause) {
     let files = (File::open(c"requests", Access::Read), File::open(c"replies", Access::Write));
     let (Some(mut requests), Some(mut replies)) = files else {
         return crate::semihosting::print("cannot open the FIFOs `requests` and `replies`\n");
@@ -43,7 +44,7 @@ pub(crate) fn run(controller: &mut SafetyController, reset_cause: ResetCause) {
 
 /// Out of reset; the watchdog starts when the rig's maps are filled.
 fn start(
-    controller: &mut SafetyController,
+    controller: &mut Controller,
     reset_cause: ResetCause,
     record: &RequestHeader,
     stored_rig: &[u8],
@@ -56,12 +57,7 @@ fn start(
     Reply { outputs: Outputs::SAFE, fed: false, status: controller.status(record.now) }
 }
 
-fn tick(
-    controller: &mut SafetyController,
-    now: Micros,
-    pins: PinInputs,
-    watchdog: Option<&mut Watchdog>,
-) -> Reply {
+fn tick(controller: &mut Controller, now: Micros, pins: PinInputs, watchdog: Option<&mut Watchdog>) -> Reply {
     let output = controller.tick(now, pins);
     board::drive_relays(output.outputs.relays);
     let fed = match (output.permit, watchdog) {
@@ -74,7 +70,7 @@ fn tick(
     Reply { outputs: output.outputs, fed, status: controller.status(now) }
 }
 
-fn exchange(controller: &mut SafetyController, now: Micros, payload: &[u8]) -> Reply {
+fn exchange(controller: &mut Controller, now: Micros, payload: &[u8]) -> Reply {
     let status = controller.status(now);
     let line_scan = (!payload.is_empty()).then_some(payload);
     let outputs = controller.on_exchange(now, line_scan);

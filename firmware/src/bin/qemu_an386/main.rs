@@ -29,15 +29,19 @@ mod target {
     use cortex_m::peripheral::NVIC;
     use cortex_m_rt::{entry, exception};
     use embassy_executor::InterruptExecutor;
-    use nearfield_firmware::safety::SafetyController;
+    use nearfield_firmware::safety::{LineScanMonitor, SafetyController};
     use nearfield_shared::units::SourceId;
-    use static_cell::ConstStaticCell;
+    use static_cell::{ConstStaticCell, StaticCell};
 
     /// The module that emulated controllers are; simulated hosts address it.
     const SOURCE: SourceId = SourceId::new(1);
 
-    static CONTROLLER: ConstStaticCell<SafetyController> =
-        ConstStaticCell::new(SafetyController::new(SOURCE));
+    /// The controller as this binary holds it.
+    pub(crate) type Controller = SafetyController<&'static mut LineScanMonitor>;
+
+    /// All zeros at start, so that it takes no flash.
+    static MONITOR: ConstStaticCell<LineScanMonitor> = ConstStaticCell::new(LineScanMonitor::new());
+    static CONTROLLER: StaticCell<Controller> = StaticCell::new();
 
     /// WFE does nothing on this machine, so that a thread-mode executor would spin: tasks run in an interrupt.
     static EXECUTOR: InterruptExecutor = InterruptExecutor::new();
@@ -134,7 +138,7 @@ mod target {
     #[embassy_executor::task]
     async fn run_mode() {
         let reset_cause = board::reset_cause();
-        let controller = CONTROLLER.take();
+        let controller = CONTROLLER.init(SafetyController::new(SOURCE, MONITOR.take()));
         let mut command_line = [0; 96];
         match semihosting::last_word(&mut command_line) {
             "lockstep" => lockstep::run(controller, reset_cause),

@@ -5,12 +5,13 @@
 //! Cortex-M4's instructions take 1 to 14 cycles.
 
 use crate::semihosting::print;
+use crate::target::Controller;
 use core::fmt::Write as _;
 use core::hint::black_box;
 use core::ptr::{read_volatile, write_volatile};
 use cortex_m::peripheral::syst::SystClkSource;
 use nearfield_firmware::relay::MirrorContacts;
-use nearfield_firmware::safety::{PinInputs, SafetyController};
+use nearfield_firmware::safety::PinInputs;
 use nearfield_shared::camera::{Camera, Intrinsics, Pose, Vector};
 use nearfield_shared::laser::Laser;
 use nearfield_shared::limits::LARGEST_COLUMN_COUNT;
@@ -137,7 +138,7 @@ const SCENES: [Scene; 6] = [
 ];
 
 /// Prints every figure.
-pub(crate) fn run(controller: &mut SafetyController) {
+pub(crate) fn run(controller: &mut Controller) {
     let Ok(rig) = rig() else { return print("the measurement's rig is refused\n") };
     let message = MESSAGE.take();
     let columns = COLUMNS.take();
@@ -179,7 +180,7 @@ pub(crate) fn run(controller: &mut SafetyController) {
 
 /// Instructions of one line-scan: exchange and the tick after it.
 fn one_scan(
-    controller: &mut SafetyController,
+    controller: &mut Controller,
     rig: &Rig,
     message: &mut [u8; LINE_SCAN_LENGTH],
     columns: &[LineScanColumn],

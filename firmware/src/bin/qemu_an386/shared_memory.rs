@@ -12,13 +12,14 @@
 //! Its relays are ideal: the mirror contacts follow the LEDs at once, but for the injected welds.
 
 use crate::board::{self, Register, Watchdog};
+use crate::target::Controller;
 use core::ptr::{read_volatile, write_volatile};
 use embassy_futures::select::{Either, select};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer};
 use nearfield_firmware::relay::MirrorContacts;
-use nearfield_firmware::safety::{Outputs, PinInputs, SafetyController};
+use nearfield_firmware::safety::{Outputs, PinInputs};
 use nearfield_shared::limits::TICK_PERIOD;
 use nearfield_shared::linescan::LINE_SCAN_LENGTH;
 use nearfield_shared::rig::COMPACT_LENGTH;
@@ -82,7 +83,7 @@ fn now() -> Micros {
 }
 
 /// Runs until the emulator ends.
-pub(crate) async fn run(controller: &mut SafetyController, reset_cause: ResetCause) {
+pub(crate) async fn run(controller: &mut Controller, reset_cause: ResetCause) {
     let received = RECEIVED.take();
     let mut rig = [0; COMPACT_LENGTH];
     copy_in(STORED_RIG, &mut rig);

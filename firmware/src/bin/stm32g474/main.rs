@@ -40,7 +40,7 @@ mod target {
     use embassy_stm32::interrupt::{self, InterruptExt as _, Priority};
     use embassy_time::{Duration, Instant, Timer};
     use nearfield_firmware::link::is_poll;
-    use nearfield_firmware::safety::{Outputs, SafetyController};
+    use nearfield_firmware::safety::{LineScanMonitor, Outputs, SafetyController};
     use nearfield_shared::limits::TICK_PERIOD;
     use nearfield_shared::rig::COMPACT_LENGTH;
     use nearfield_shared::status::ResetCause;
@@ -50,8 +50,12 @@ mod target {
     /// Which module of the robot this is. One module a robot so far; others are built with another number.
     const SOURCE: SourceId = SourceId::new(1);
 
-    static CONTROLLER: ConstStaticCell<SafetyController> =
-        ConstStaticCell::new(SafetyController::new(SOURCE));
+    /// The controller as this binary holds it.
+    pub(crate) type Controller = SafetyController<&'static mut LineScanMonitor>;
+
+    /// All zeros at start, so that it takes no flash.
+    static MONITOR: ConstStaticCell<LineScanMonitor> = ConstStaticCell::new(LineScanMonitor::new());
+    static CONTROLLER: StaticCell<Controller> = StaticCell::new();
     static THREAD_EXECUTOR: StaticCell<Executor> = StaticCell::new();
     /// Runs the safety task above the link task, in an interrupt that no peripheral of this board uses.
     static SAFETY_EXECUTOR: InterruptExecutor = InterruptExecutor::new();
@@ -97,7 +101,7 @@ mod target {
             // The controller is not even started: nothing can close the relays.
             service::run(&mut link, &mut store).await;
         }
-        let controller = CONTROLLER.take();
+        let controller = CONTROLLER.init(SafetyController::new(SOURCE, MONITOR.take()));
         match controller.start(reset_cause, &stored) {
             Ok(()) => defmt::info!("calibration in use"),
             Err(_) => defmt::warn!("no valid calibration: the relays stay open"),
@@ -131,7 +135,7 @@ mod target {
     /// The only task that drives outputs and feeds watchdogs.
     #[embassy_executor::task]
     async fn safety_task(
-        controller: &'static mut SafetyController,
+        controller: &'static mut Controller,
         mut pins: board::Pins,
         mut watchdogs: Watchdogs,
         exchanges: &'static Exchanges,
