@@ -165,7 +165,7 @@ impl<M: BorrowMut<LineScanMonitor>> SafetyController<M> {
     }
 
     /// After every reset of the chip: forgets everything, takes the stored rig (its compact form) and the reason of
-    /// the reset. Without a valid rig the relays never close. Filling the maps takes about a second on the board, so
+    /// the reset. Without a valid rig the relays never close. Filling the maps takes some 400 million instructions, so
     /// the watchdogs start afterwards.
     ///
     /// # Errors

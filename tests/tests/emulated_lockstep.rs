@@ -1,5 +1,6 @@
 //! The firmware's Arm binary in QEMU answers the same bytes as the firmware library in this process, over a whole
 //! simulated life of start, reset, every kind of scene and every kind of link fault. The answers' digest is kept.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "the helpers of tests may fail them")]
 
 use nearfield_host::link::{Emulated, FrameFacts, InProcess, LinkError, McuLink, PinInputs, Reply};
 use nearfield_host::link::{McuKind, MirrorContacts};

@@ -1,5 +1,6 @@
 //! A controller whose program hangs is reset by its own watchdog, opens its relays, and does not close them again by
 //! itself: on the emulated board, with its real watchdog, seen from outside.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "the helpers of tests may fail them")]
 
 use nearfield_host::link::{Emulated, FRAME_PERIOD, InProcess, McuLink, McuSession};
 use nearfield_shared::causes::StopCause;

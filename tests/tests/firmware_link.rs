@@ -1,4 +1,5 @@
 //! The link is a black channel: each way in which messages can go wrong opens the relays, and none closes them.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "the helpers of tests may fail them")]
 
 use nearfield_firmware::link::Refusal;
 use nearfield_host::link::{FRAME_PERIOD, FrameFacts, InProcess, McuSession};
@@ -207,10 +208,24 @@ fn never_closes(stage: &Stage, message: &[u8]) {
 }
 
 #[test]
-fn no_truncation_of_a_good_message_keeps_the_relays_closed() {
+fn a_truncated_message_opens_closed_relays() {
     let stage = Stage::new();
     for length in (0..LINE_SCAN_LENGTH).step_by(97).chain([LINE_SCAN_LENGTH - 1]) {
         let mut session = stage.armed();
+        let message = good_message(&stage, &mut session);
+        session.run_frame(Some(&message[..length])).unwrap();
+        assert!(!session.relay_commanded_closed(), "{length} bytes");
+    }
+}
+
+#[test]
+fn no_truncation_of_a_good_message_ever_closes_the_relays() {
+    let stage = Stage::new();
+    let mut session = stage.session(Box::new(InProcess::new()), 10).unwrap();
+    for length in 0..LINE_SCAN_LENGTH {
+        if length.is_multiple_of(20) {
+            session.press_reset();
+        }
         let message = good_message(&stage, &mut session);
         session.run_frame(Some(&message[..length])).unwrap();
         assert!(!session.relay_commanded_closed(), "{length} bytes");

@@ -1,4 +1,5 @@
 //! A relay that does not do what it is told is found on either edge, and nothing but a power cycle leads out.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "the helpers of tests may fail them")]
 
 use nearfield_host::link::{FRAME_PERIOD, FrameFacts, Indicator, McuSession, RelayFault};
 use nearfield_shared::causes::StopCause;

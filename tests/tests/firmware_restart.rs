@@ -1,5 +1,6 @@
 //! The relays never close by themselves: not at power-up, not after a stop, not after a watchdog's reset; only a whole
 //! press of the reset button while nothing speaks against it closes them.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "the helpers of tests may fail them")]
 
 use nearfield_host::link::{FrameFacts, InProcess, McuSession};
 use nearfield_shared::causes::StopCause;

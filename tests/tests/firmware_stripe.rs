@@ -1,5 +1,6 @@
 //! What lies on the stripe, or is missing from the floor, opens the relays within the vote; what lies elsewhere, and
 //! what a single frame's noise shows, does not.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "the helpers of tests may fail them")]
 
 use nearfield_host::link::{FrameFacts, McuSession};
 use nearfield_shared::causes::StopCause;

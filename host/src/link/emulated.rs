@@ -21,8 +21,7 @@ pub struct Emulated {
 }
 
 impl Emulated {
-    /// Starts QEMU with the emulator's firmware, found as the README of this directory's binary says: in
-    /// `$NEARFIELD_FIRMWARE_ELF`, or where `cargo xtask firmware` puts it.
+    /// Starts QEMU with the emulator's firmware, found by [`emulator_firmware`](super::emulator_firmware).
     ///
     /// # Errors
     /// No QEMU, no firmware, or one of them does not start.

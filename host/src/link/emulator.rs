@@ -42,7 +42,7 @@ pub(super) struct Emulator {
 impl Emulator {
     /// Starts the emulator's firmware in this mode.
     pub(super) fn launch(mode: &str) -> Result<Self, LinkError> {
-        let elf = find_firmware()?;
+        let elf = emulator_firmware()?;
         let directory = tempfile::Builder::new()
             .prefix("nearfield-")
             .tempdir()
@@ -188,8 +188,12 @@ fn end(child: &mut Child) {
     let _ = child.wait();
 }
 
-/// `$NEARFIELD_FIRMWARE_ELF`, or the build directory that this program lies in, or `target` in the working directory.
-fn find_firmware() -> Result<PathBuf, LinkError> {
+/// Where the emulator's firmware is: `$NEARFIELD_FIRMWARE_ELF`, or the build directory that this program lies in, or
+/// `target` in the working directory.
+///
+/// # Errors
+/// There is none; says where it was looked for.
+pub fn emulator_firmware() -> Result<PathBuf, LinkError> {
     let missing = |path: PathBuf| LinkError::NoFirmware { path };
     if let Some(path) = std::env::var_os(ELF_VARIABLE).map(PathBuf::from) {
         return path.canonicalize().map_err(|_| missing(path));

@@ -29,6 +29,7 @@ mod plant;
 mod session;
 
 pub use emulated::Emulated;
+pub use emulator::emulator_firmware;
 pub use in_process::InProcess;
 pub use plant::{RelayFault, RelayPlant};
 pub use session::{FRAME_PERIOD, FrameFacts, McuSession};

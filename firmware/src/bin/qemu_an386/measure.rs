@@ -10,6 +10,7 @@ use core::fmt::Write as _;
 use core::hint::black_box;
 use core::ptr::{read_volatile, write_volatile};
 use cortex_m::peripheral::syst::SystClkSource;
+use embassy_time::Instant;
 use nearfield_firmware::relay::MirrorContacts;
 use nearfield_firmware::safety::PinInputs;
 use nearfield_shared::camera::{Camera, Intrinsics, Pose, Vector};
@@ -143,10 +144,11 @@ pub(crate) fn run(controller: &mut Controller) {
     let message = MESSAGE.take();
     let columns = COLUMNS.take();
     let monitor = MONITOR.take();
-    let start = instructions(|| {
-        let _ = black_box(controller.start(ResetCause::PowerOn, &rig.to_bytes()));
-    });
-    say("start_instructions_modulo_2_pow_24", start);
+    let before = Instant::now();
+    let _ = black_box(controller.start(ResetCause::PowerOn, &rig.to_bytes()));
+    // Too long for SysTick's 24 bits; 1 microsecond = 31.25 instructions.
+    let start = before.elapsed().as_micros().saturating_mul(125) / 4;
+    say("start_instructions", u32::try_from(start).unwrap_or(u32::MAX));
     let decimation = nearfield_shared::columns::Decimation::for_line_scan(2304);
     let _ = monitor.configure(&rig, decimation);
     say("watched_columns", u32::try_from(monitor.geometry().maps().len()).unwrap_or(0));
