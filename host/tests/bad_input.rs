@@ -1,5 +1,6 @@
 //! Bad input ends in a clear error (file, field, what to do) and exit code 2, never in a panic, and what is good beside
 //! it is still reported.
+#![allow(clippy::unwrap_used)]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

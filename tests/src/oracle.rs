@@ -198,7 +198,7 @@ pub fn random_rig(family: &'static str, random: &mut Random) -> OracleRig {
         _ => ([0.0, 0.0, 400.0], [0.0, 46.0, 0.0], [0.0, 0.0, 200.0], wide, (-560.0, 560.0)),
     };
     let (mut lens, mut distortion) = optics;
-    let half = random.bits() % 2 == 0;
+    let half = random.bits().is_multiple_of(2);
     let size = if half { (1152, 648) } else { (2304, 1296) };
     for value in &mut lens {
         *value *= random.within(0.995, 1.005) * if half { 0.5 } else { 1.0 };

@@ -21,6 +21,14 @@ struct Figures {
     scan_instructions: u64,
 }
 
+/// What the project aims at.
+const GOAL: Figures = Figures {
+    flash_bytes: 96 * 1024,
+    static_ram_bytes: 48 * 1024,
+    stack_bytes: 32 * 1024,
+    scan_instructions: 150_000,
+};
+
 impl Figures {
     fn rows(&self) -> [(&'static str, u64); 4] {
         [
@@ -31,14 +39,17 @@ impl Figures {
         ]
     }
 
-    /// Headroom of a newly written budget: 3 % against compiler noise.
+    /// Headroom of a newly written budget: 3 % against compiler noise, and where the goal is met never beyond it.
     fn with_headroom(self) -> Self {
-        let more = |figure: u64| figure + figure / 32;
+        let more = |figure: u64, goal: u64| {
+            let loose = figure + figure / 32;
+            if figure <= goal { loose.min(goal) } else { loose }
+        };
         Self {
-            flash_bytes: more(self.flash_bytes),
-            static_ram_bytes: more(self.static_ram_bytes),
-            stack_bytes: more(self.stack_bytes),
-            scan_instructions: more(self.scan_instructions),
+            flash_bytes: more(self.flash_bytes, GOAL.flash_bytes),
+            static_ram_bytes: more(self.static_ram_bytes, GOAL.static_ram_bytes),
+            stack_bytes: more(self.stack_bytes, GOAL.stack_bytes),
+            scan_instructions: more(self.scan_instructions, GOAL.scan_instructions),
         }
     }
 }
@@ -56,7 +67,7 @@ pub fn check(write: bool) -> Result<()> {
     if write {
         let text = toml::to_string(&measured.with_headroom())?;
         let head = "# The firmware's budget; `cargo xtask budget` enforces it, `cargo xtask budget --write` renews it.\n\
-                    # Goals: flash 98304, static RAM 49152, 150000 instructions. Sizes: board; stack, instructions: emulator.\n";
+                    # Sizes: board; stack and instructions (worst of six scenes, all checks on): emulator.\n";
         std::fs::write(&path, format!("{head}{text}")).with_context(|| path.display().to_string())?;
     }
     let text = std::fs::read_to_string(&path).with_context(|| format!("the budget {}", path.display()))?;
