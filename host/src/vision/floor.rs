@@ -2,10 +2,11 @@
 //!
 //! The rig says where the stripe on a free floor must appear, so a dim stripe is only asked for at one place, where
 //! little contrast proves it. What counts as enough is measured in the picture itself: the contrast must exceed what
-//! texture and noise reach just beside the stripe. A gap is never smoothed over: a weak column is believed between
-//! two strong ones, two weak ones in a row are not.
+//! texture and noise reach just beside the stripe. Where the whole stripe is weak, neighbouring columns are averaged,
+//! over a fraction of what a gap may be long; and an end of the stripe is where its contrast has fallen to half, so
+//! that averaging moves none.
 
-use super::grid::Grid;
+use super::grid::{Grid, GridColumn};
 use super::peak::{self, Kernel, Peak};
 use super::signal::Signal;
 
@@ -23,9 +24,19 @@ const SPREAD_SHARE: f32 = 0.5;
 const SPREAD_COLUMNS: usize = 3;
 /// Where speckle leaves columns weak between two that are sure, they are believed up to this length, millimetres.
 const BRIDGED_MM: f32 = 1.0;
-/// A glow (light that a glossy thing throws on the floor) is wider than the stripe: more than this many times its
-/// usual width is no stripe.
-const WIDEST_SHARE: f32 = 2.0;
+/// A glow (light that a glossy thing throws on the floor) is wider than the stripe, more than this many times its
+/// usual width ...
+const GLOW_WIDTH: f32 = 2.0;
+/// ... and dimmer than this share of its usual contrast.
+const GLOW_SHARE: f32 = 0.5;
+/// Columns are averaged where the stripe around is weaker than this, in standard deviations ...
+const WEAK_CONTRAST: f32 = 2.0 * SURE_CONTRAST;
+/// ... over so many millimetres on both sides.
+const AVERAGED_MM: f32 = 1.0;
+/// Averaged columns vary together, several at a time, so that chance makes a whole stretch: they must stand out more.
+const AVERAGED_PENALTY: f32 = 1.3;
+/// ... but never over more columns on each side.
+const MOST_AVERAGED: usize = 4;
 /// The background's variation is pooled over this many columns on both sides.
 const POOLED_COLUMNS: usize = 16;
 /// Variation below this is not believed: quantisation hides it (levels of the running mean).
@@ -79,11 +90,103 @@ pub fn is_fringe<S: Signal>(signal: S, column: usize, peak: &Peak) -> bool {
     peak.contrast < FRINGE_SHARE * f32::from(high.saturating_sub(low))
 }
 
+/// The ridge at the floor's row of one column of `signal`, unless it is a colour fringe of the `picture`.
+fn find<S: Signal, P: Signal>(signal: S, picture: P, column: usize, place: &GridColumn) -> Option<Peak> {
+    let centre = row_within(signal.rows(), place)?;
+    let reach = place.tolerance.ceil() as usize + 1;
+    peak::find(signal, column, centre, reach).filter(|peak| !is_fringe(picture, column, peak))
+}
+
+/// The background's variation in one of every [`NOISE_STRIDE`] columns; NaN in the others.
+fn noise_of<S: Signal>(signal: S, column: usize, place: &GridColumn, index: usize) -> f32 {
+    match row_within(signal.rows(), place) {
+        Some(centre) if index.is_multiple_of(NOISE_STRIDE) => peak::roughness(signal, column, centre),
+        _ => f32::NAN,
+    }
+}
+
+fn row_within(rows: usize, place: &GridColumn) -> Option<usize> {
+    let row = place.floor_row.round();
+    (row >= 0.0 && row < rows as f32).then_some(row as usize)
+}
+
+/// Mean of the values within [`POOLED_COLUMNS`] on both sides that are not NaN; infinite where there are none, so
+/// that nothing is significant against it.
+fn pool(values: &[f32], pooled: &mut [f32]) {
+    let (mut sum, mut count, mut first, mut end) = (0.0_f64, 0_u32, 0, 0);
+    for (index, mean) in pooled.iter_mut().enumerate() {
+        while end < values.len().min(index + POOLED_COLUMNS + 1) {
+            if !values[end].is_nan() {
+                (sum, count) = (sum + f64::from(values[end]), count + 1);
+            }
+            end += 1;
+        }
+        while first + POOLED_COLUMNS < index {
+            if !values[first].is_nan() {
+                (sum, count) = (sum - f64::from(values[first]), count - 1);
+            }
+            first += 1;
+        }
+        *mean = if count == 0 { f32::INFINITY } else { (sum / f64::from(count)) as f32 };
+    }
+}
+
+/// A picture averaged along the floor's stripe: each sample with those that lie [`AVERAGED_MM`] before and after it at
+/// the same distance from the stripe.
+#[derive(Clone, Copy)]
+struct Averaged<'a, S> {
+    signal: S,
+    grid: &'a Grid,
+    /// The grid's column that is looked at.
+    index: usize,
+}
+
+impl<S: Signal> Signal for Averaged<'_, S> {
+    const STEP: usize = S::STEP;
+
+    fn columns(&self) -> usize {
+        self.signal.columns()
+    }
+
+    fn rows(&self) -> usize {
+        self.signal.rows()
+    }
+
+    fn value(&self, _column: usize, row: usize) -> i16 {
+        let columns = self.grid.columns();
+        let Some(here) = columns.get(self.index) else { return 0 };
+        let (mut sum, mut count) = (0_i32, 0_i32);
+        for other in self.index.saturating_sub(MOST_AVERAGED)..=self.index + MOST_AVERAGED {
+            let Some(place) = columns.get(other) else { break };
+            if (place.place - here.place).abs() <= AVERAGED_MM {
+                let shifted = row as f32 + place.floor_row.round() - here.floor_row.round();
+                sum += i32::from(self.signal.value(self.grid.first() + other, shifted.max(0.0) as usize));
+                count += 1;
+            }
+        }
+        // Rounded to the nearest, also below zero.
+        ((2 * sum + count).div_euclid(2 * count.max(1))) as i16
+    }
+
+    fn tone(&self, column: usize, row: usize) -> i16 {
+        self.signal.tone(column, row)
+    }
+
+    fn is_clipped(&self, column: usize, row: usize) -> bool {
+        self.signal.is_clipped(column, row)
+    }
+
+    fn raise(&self, row: usize, first: usize, tag: u16, keys: &mut [u16]) {
+        self.signal.raise(row, first, tag, keys);
+    }
+}
+
 /// Finds the floor's stripe in all columns of a grid; owns its memory.
 #[derive(Debug, Clone)]
 pub struct FloorFinder {
     columns: Vec<FloorColumn>,
     scratch: Vec<f32>,
+    pooled: Vec<f32>,
 }
 
 impl FloorFinder {
@@ -91,7 +194,11 @@ impl FloorFinder {
     #[must_use]
     pub fn new(grid: &Grid) -> Self {
         let count = grid.columns().len();
-        Self { columns: vec![FloorColumn::UNKNOWN; count], scratch: vec![0.0; count] }
+        Self {
+            columns: vec![FloorColumn::UNKNOWN; count],
+            scratch: vec![0.0; count],
+            pooled: vec![0.0; count],
+        }
     }
 
     /// The findings of the last frame, one for each of the grid's columns.
@@ -103,55 +210,57 @@ impl FloorFinder {
     /// Looks at one frame.
     pub fn find<S: Signal>(&mut self, signal: S, grid: &Grid) {
         self.measure(signal, grid);
-        self.pool_noise();
+        self.strengthen(signal, grid);
         self.decide(grid);
         self.settle_rows(grid);
     }
 
     fn measure<S: Signal>(&mut self, signal: S, grid: &Grid) {
         for (index, (found, place)) in self.columns.iter_mut().zip(grid.columns()).enumerate() {
+            let column = grid.first() + index;
             *found = FloorColumn::UNKNOWN;
-            let centre = place.floor_row.round();
-            if !(centre >= 0.0 && centre < signal.rows() as f32) {
-                continue;
-            }
-            let (column, centre) = (grid.first() + index, centre as usize);
-            let reach = place.tolerance.ceil() as usize + 1;
-            found.peak =
-                peak::find(signal, column, centre, reach).filter(|peak| !is_fringe(signal, column, peak));
-            if index % NOISE_STRIDE == 0 {
-                found.noise = peak::roughness(signal, column, centre);
-            }
+            found.peak = find(signal, signal, column, place);
+            self.scratch[index] = noise_of(signal, column, place, index);
+        }
+        pool(&self.scratch, &mut self.pooled);
+        for (found, noise) in self.columns.iter_mut().zip(&self.pooled) {
+            found.noise = noise.max(LEAST_NOISE);
         }
     }
 
-    /// Replaces each measured column's variation, known from a few values only, by the mean around it.
-    fn pool_noise(&mut self) {
-        for (copy, column) in self.scratch.iter_mut().zip(&self.columns) {
-            *copy = column.noise;
+    /// Measures the columns of weak stretches again, each averaged with its neighbours along the stripe.
+    fn strengthen<S: Signal>(&mut self, signal: S, grid: &Grid) {
+        for (significance, column) in self.scratch.iter_mut().zip(&self.columns) {
+            *significance = column.significance();
         }
-        let (mut sum, mut count, mut first, mut end) = (0.0_f64, 0_u32, 0, 0);
-        for (index, column) in self.columns.iter_mut().enumerate() {
-            while end < self.scratch.len().min(index + POOLED_COLUMNS + 1) {
-                if !self.scratch[end].is_nan() {
-                    (sum, count) = (sum + f64::from(self.scratch[end]), count + 1);
+        pool(&self.scratch, &mut self.pooled);
+        if self.pooled.iter().all(|significance| *significance >= WEAK_CONTRAST) {
+            return;
+        }
+        for (index, (noise, place)) in self.scratch.iter_mut().zip(grid.columns()).enumerate() {
+            let averaged = Averaged { signal, grid, index };
+            *noise = noise_of(averaged, grid.first() + index, place, index);
+        }
+        // `pooled` tells where the stripe is weak until the averaged noise takes its place.
+        for (significance, column) in self.pooled.iter().zip(&mut self.columns) {
+            column.lit = *significance < WEAK_CONTRAST;
+        }
+        pool(&self.scratch, &mut self.pooled);
+        for (index, (found, place)) in self.columns.iter_mut().zip(grid.columns()).enumerate() {
+            if std::mem::take(&mut found.lit) {
+                let averaged = Averaged { signal, grid, index };
+                let noise = AVERAGED_PENALTY * self.pooled[index].max(LEAST_NOISE);
+                if let Some(peak) = find(averaged, signal, grid.first() + index, place)
+                    && peak.contrast / noise > found.significance()
+                {
+                    (found.peak, found.noise) = (Some(peak), noise);
                 }
-                end += 1;
             }
-            while first + POOLED_COLUMNS < index {
-                if !self.scratch[first].is_nan() {
-                    (sum, count) = (sum - f64::from(self.scratch[first]), count - 1);
-                }
-                first += 1;
-            }
-            // Without any measurement nothing is significant.
-            column.noise =
-                if count == 0 { f32::INFINITY } else { ((sum / f64::from(count)) as f32).max(LEAST_NOISE) };
         }
     }
 
     fn decide(&mut self, grid: &Grid) {
-        let widest = WIDEST_SHARE * self.usual_width();
+        let (usual_width, usual_contrast) = self.usual_stripe();
         for (contrast, column) in self.scratch.iter_mut().zip(&self.columns) {
             *contrast = column.contrast();
         }
@@ -160,18 +269,22 @@ impl FloorFinder {
             let around = &self.scratch[index.saturating_sub(SPREAD_COLUMNS)..end];
             let strongest = around.iter().copied().fold(0.0, f32::max);
             let ended = column.contrast() < SPREAD_SHARE * strongest;
-            let narrow = column.peak.is_some_and(|peak| peak.width <= widest);
-            column.lit = narrow && !ended && column.significance() >= SURE_CONTRAST;
+            let glow = column.peak.is_none_or(|peak| {
+                peak.width > GLOW_WIDTH * usual_width && peak.contrast < GLOW_SHARE * usual_contrast
+            });
+            column.lit = !glow && !ended && column.significance() >= SURE_CONTRAST;
         }
         self.bridge(grid);
     }
 
-    /// Mean width of what is surely no noise, samples.
-    fn usual_width(&self) -> f32 {
+    /// Mean width (samples) and contrast of what is surely no noise.
+    fn usual_stripe(&self) -> (f32, f32) {
         let strong = self.columns.iter().filter(|column| column.significance() >= 2.0 * SURE_CONTRAST);
-        let widths = strong.filter_map(|column| column.peak).map(|peak| peak.width);
-        let (sum, count) = widths.fold((0.0, 0.0), |(sum, count), width| (sum + width, count + 1.0));
-        if count > 0.0 { sum / count } else { f32::INFINITY }
+        let (mut width, mut contrast, mut count) = (0.0, 0.0, 0.0);
+        for peak in strong.filter_map(|column| column.peak) {
+            (width, contrast, count) = (width + peak.width, contrast + peak.contrast, count + 1.0);
+        }
+        if count > 0.0 { (width / count, contrast / count) } else { (f32::INFINITY, 0.0) }
     }
 
     /// Believes short runs of weaker columns between two sure ones.

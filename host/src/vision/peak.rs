@@ -9,6 +9,10 @@ use super::signal::Signal;
 /// Speckle makes a ridge uneven, and a clipped core makes it hollow; a rise by more than this share of its height belongs to the next one.
 const VALLEY_SHARE: f32 = 0.5;
 
+/// A core is only looked at for clipping where something around is as strong as this.
+const HOLLOW_STRENGTH: i16 = 60;
+/// The rim of a hollow reaches this far beyond the clipped samples.
+const RIM: usize = 2;
 /// A ridge whose contrast is a smaller share of its rise may be one rim of a wide, hollow one.
 const RIM_SHARE: f32 = 0.7;
 /// A wider kernel must find so much more contrast to be believed.
@@ -215,27 +219,22 @@ const FORTY_PERCENT_STEP: f32 = 0.741_6;
 
 /// A ridge with its crest within `reach` samples of `centre` in one column of a picture, its row within the picture.
 ///
-/// A stripe may be too wide for the usual kernel: what is, is measured again with a wider one.
+/// A stripe may be too wide for the usual kernel: near the camera, or clipped. What looks wide, or has very unequal
+/// sides (it may be the rim of something wide), is measured again with a wider kernel, which is believed if it
+/// explains more.
 pub fn find<S: Signal>(signal: S, column: usize, centre: usize, reach: usize) -> Option<Peak> {
     let kernel = Kernel::for_step(S::STEP);
-    let narrow = find_with(signal, column, centre, reach, kernel)?;
-    if narrow.width <= kernel.widest() as f32 {
-        return Some(narrow);
+    let narrow = find_with(signal, column, centre, reach, kernel);
+    if let Some(peak) = narrow
+        && peak.contrast >= RIM_SHARE * peak.rise
+        && peak.width <= kernel.widest() as f32
+    {
+        return narrow;
     }
-    find_with(signal, column, centre, reach, kernel.widened()).or(Some(narrow))
-}
-
-/// As [`find`], also for stripes near the camera: clipped there, their core is hollow in colour, and each rim looks
-/// like a stripe with very unequal sides. The wider kernel sees the whole and is believed if it explains more.
-pub fn find_hollow<S: Signal>(signal: S, column: usize, centre: usize, reach: usize) -> Option<Peak> {
-    let kernel = Kernel::for_step(S::STEP);
-    let narrow = find_with(signal, column, centre, reach, kernel)?;
-    let rim = narrow.contrast < RIM_SHARE * narrow.rise;
-    if !rim && narrow.width <= kernel.widest() as f32 {
-        return Some(narrow);
-    }
-    let wide = find_with(signal, column, centre, reach, kernel.widened());
-    Some(wide.filter(|wide| wide.contrast > WIDE_GAIN * narrow.contrast).unwrap_or(narrow))
+    let contrast = narrow.map_or(0.0, |peak| peak.contrast);
+    find_with(signal, column, centre, reach, kernel.widened())
+        .filter(|wide| wide.contrast > WIDE_GAIN * contrast)
+        .or(narrow)
 }
 
 fn find_with<S: Signal>(
@@ -270,10 +269,45 @@ fn gather<S: Signal>(
 ) -> (&[i16], usize) {
     let first = centre.saturating_sub(reach.min(LONGEST_WINDOW / 2));
     let end = (centre + reach + 1).min(signal.rows()).min(first + LONGEST_WINDOW).max(first);
-    for (sample, row) in window.iter_mut().zip(first..end) {
+    let samples = &mut window[..end - first];
+    let mut strongest = 0;
+    for (sample, row) in samples.iter_mut().zip(first..end) {
         *sample = signal.value(column, row);
+        strongest = strongest.max(*sample);
     }
-    (&window[..end - first], first)
+    if strongest >= HOLLOW_STRENGTH {
+        fill_hollows(samples, |position| signal.is_clipped(column, first + position));
+    }
+    (samples, first)
+}
+
+/// Gives the clipped core of a stripe the strength of its rims: each clipped sample the lower of what is reached above
+/// and below it within the run of clipped samples and just beside it.
+fn fill_hollows(samples: &mut [i16], is_clipped: impl Fn(usize) -> bool) {
+    let mut position = 0;
+    while position < samples.len() {
+        if !is_clipped(position) {
+            position += 1;
+            continue;
+        }
+        let start = position;
+        while position < samples.len() && is_clipped(position) {
+            position += 1;
+        }
+        let end = (position + RIM).min(samples.len());
+        let run = &mut samples[start.saturating_sub(RIM)..end];
+        let mut reached_below = [i16::MIN; LONGEST_WINDOW];
+        let mut highest = i16::MIN;
+        for (index, sample) in run.iter().enumerate().rev() {
+            highest = highest.max(*sample);
+            reached_below[index] = highest;
+        }
+        highest = i16::MIN;
+        for (sample, below) in run.iter_mut().zip(reached_below) {
+            highest = highest.max(*sample);
+            *sample = (*sample).max(highest.min(below));
+        }
+    }
 }
 
 #[cfg(test)]

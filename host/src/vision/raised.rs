@@ -5,7 +5,7 @@
 //! glossy side, texture) only one, that of the longer and stronger line. Candidates must form a line over several
 //! columns; a single bright spot is none.
 
-use super::floor::{FloorColumn, SURE_CONTRAST, is_fringe};
+use super::floor::{FloorColumn, is_fringe};
 use super::grid::{Grid, PictureGeometry};
 use super::peak::{self, Kernel, Peak};
 use super::signal::{SEGMENT_BITS, SEGMENT_ROWS, Signal};
@@ -16,6 +16,8 @@ const RAY_BIN_MM: f32 = 0.5;
 const RAY_MARGIN_MM: f32 = 1.5;
 /// Fewest columns of a line.
 const FEWEST_COLUMNS: u32 = 3;
+/// Contrast that a candidate needs, in standard deviations of the background.
+const CANDIDATE_CONTRAST: f32 = 5.0;
 /// Mean contrast that a line needs, in standard deviations of the background.
 const LINE_CONTRAST: f32 = 6.0;
 /// A line may move by this many samples from column to column ...
@@ -161,7 +163,7 @@ impl RaisedFinder {
                 let (peak_row, contrast) = (peak.row, peak.contrast);
                 let significance = contrast / floor.noise;
                 // Neighbouring segments can lead to the same crest.
-                if significance < SURE_CONTRAST || (peak_row - last_row).abs() < SAME_CREST {
+                if significance < CANDIDATE_CONTRAST || (peak_row - last_row).abs() < SAME_CREST {
                     continue;
                 }
                 let pixel_row = grid.to_pixels(peak_row);
@@ -263,7 +265,7 @@ impl Line {
 /// The ridge near a seed, if it is as narrow as a stripe and more than a colour fringe.
 fn measure<S: Signal>(signal: S, column: usize, seed: usize) -> Option<Peak> {
     let widest = 2 * Kernel::for_step(S::STEP).widened().widest();
-    peak::find_hollow(signal, column, seed, 1)
+    peak::find(signal, column, seed, 1)
         .filter(|peak| peak.width <= widest as f32 && !is_fringe(signal, column, peak))
 }
 

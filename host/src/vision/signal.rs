@@ -31,11 +31,18 @@ pub trait Signal: Copy {
     /// layout cannot tell.
     fn tone(&self, column: usize, row: usize) -> i16;
 
+    /// Has the laser's colour reached the end of its scale in one sample? Its strength is then too low: the brighter the
+    /// core of a stripe, the whiter it looks.
+    fn is_clipped(&self, column: usize, row: usize) -> bool;
+
     /// For the columns from `first` on, one for each of `keys`: raises `key` to `strength << SEGMENT_BITS | tag`,
     /// strength being coarse (8 bits, monotonic in [`Self::value`]). A row-by-row maximum over many rows costs one
     /// pass at the speed of memory.
     fn raise(&self, row: usize, first: usize, tag: u16, keys: &mut [u16]);
 }
+
+/// From here on a channel counts as clipped: noise reduction and JPEG move 255 by a few steps.
+const CLIPPED: i16 = 248;
 
 fn raise_key(key: &mut u16, strength: u8, tag: u16) {
     *key = (*key).max(u16::from(strength) << SEGMENT_BITS | tag);
@@ -67,6 +74,10 @@ impl Signal for RedMinusGreen<'_> {
 
     fn tone(&self, column: usize, row: usize) -> i16 {
         self.0.row(row).get(3 * column + 1).copied().map_or(0, i16::from)
+    }
+
+    fn is_clipped(&self, column: usize, row: usize) -> bool {
+        self.0.row(row).get(3 * column).is_some_and(|red| i16::from(*red) >= CLIPPED)
     }
 
     fn raise(&self, row: usize, first: usize, tag: u16, keys: &mut [u16]) {
@@ -101,6 +112,11 @@ impl Signal for Brightness<'_> {
 
     fn tone(&self, _column: usize, _row: usize) -> i16 {
         0
+    }
+
+    /// Brightness that is clipped is highest all the same.
+    fn is_clipped(&self, _column: usize, _row: usize) -> bool {
+        false
     }
 
     fn raise(&self, row: usize, first: usize, tag: u16, keys: &mut [u16]) {
@@ -143,6 +159,12 @@ impl<const PITCH: usize, const OFFSET: usize> Signal for RedChroma<'_, PITCH, OF
         let (Some(red), Some(luma)) = (sample, self.luma.row(2 * row).get(2 * column)) else { return 0 };
         // Green without the (small) share of U.
         i16::from(*luma) - (i16::from(*red) - 128) * 5 / 7
+    }
+
+    fn is_clipped(&self, column: usize, row: usize) -> bool {
+        let sample = self.red.row(row).get(PITCH * column + OFFSET);
+        let (Some(red), Some(luma)) = (sample, self.luma.row(2 * row).get(2 * column)) else { return false };
+        i16::from(*luma) + (i16::from(*red) - 128) * 7 / 5 >= CLIPPED
     }
 
     fn raise(&self, row: usize, first: usize, tag: u16, keys: &mut [u16]) {
