@@ -3,7 +3,7 @@
 
 use nearfield_host::demo::record::ActRecord;
 use nearfield_host::demo::script::{Act, minute};
-use nearfield_host::demo::{Audience, DemoError, Engine, Moment, Outcome};
+use nearfield_host::demo::{Audience, DemoError, Engine, Moment, Outcome, report};
 use nearfield_host::link::{InProcess, LinkError, McuKind, McuLink, PinInputs, Reply};
 use nearfield_host::twin::gallery::CENTRE;
 use nearfield_shared::status::Channels;
@@ -97,17 +97,44 @@ impl McuLink for WeldedShut {
 #[test]
 fn a_controller_that_does_not_open_fails_the_demo() {
     let wanted = ["power_on", "reset", "cable"];
-    let acts = minute().into_iter().filter(|act| wanted.contains(&act.name)).collect();
-    let outcome = play(Box::new(WeldedShut { inner: InProcess::new(), closed: false }), acts);
+    let outcome = play(Box::new(WeldedShut { inner: InProcess::new(), closed: false }), acts_named(&wanted));
     assert!(!outcome.record.met);
     let unmet = unmet(&outcome);
     assert!(unmet.iter().any(|line| line.contains("cable: relays open within")), "{unmet:?}");
+    let page = report::page(&outcome, &acts_named(&wanted));
+    assert!(page.contains("promises broken") && !page.contains("All "), "the report says so at its head");
+}
+
+fn acts_named(names: &[&str]) -> Vec<Act> {
+    minute().into_iter().filter(|act| names.contains(&act.name)).collect()
+}
+
+/// The report is read where there is no network, and by people who did not write it.
+#[test]
+fn the_report_stands_alone_and_tells_every_act() {
+    let acts = acts_named(&["power_on", "reset"]);
+    let outcome = play(Box::new(InProcess::new()), acts.clone());
+    let page = report::page(&outcome, &acts);
+    for forbidden in ["http://", "https://", "<script", "url(http", "<link"] {
+        assert!(!page.contains(forbidden), "{forbidden}");
+    }
+    for act in &outcome.record.acts {
+        assert!(page.contains(&format!("id='act-{}'", act.name)) && page.contains(act.title));
+        for check in &act.checks {
+            assert!(page.contains(&check.happened[1..]), "{}", check.happened);
+        }
+    }
+    assert!(
+        page.contains("src='data:image/jpeg;base64,") && page.contains("nobody has run it on hardware yet")
+    );
+    for tag in ["div", "section", "article", "figure", "svg", "table", "ul", "li", "p"] {
+        let opened = page.matches(&format!("<{tag}>")).count() + page.matches(&format!("<{tag} ")).count();
+        assert_eq!(opened, page.matches(&format!("</{tag}>")).count(), "<{tag}>");
+    }
 }
 
 #[test]
 fn a_controller_that_never_closes_fails_the_demo() {
-    let wanted = ["power_on", "near_miss"];
-    let acts = minute().into_iter().filter(|act| wanted.contains(&act.name)).collect();
-    let outcome = play(Box::new(InProcess::new()), acts);
+    let outcome = play(Box::new(InProcess::new()), acts_named(&["power_on", "near_miss"]));
     assert_eq!(unmet(&outcome).len(), 1, "nobody pressed the button, so the near miss is not run through");
 }

@@ -10,6 +10,7 @@ use super::record::LinkHealth;
 #[derive(Debug, Default)]
 pub(super) struct HealthCount {
     earlier: [u32; REFUSAL_KINDS],
+    earlier_accepted: u32,
     last: Option<Status>,
     longest_decision_age_ms: f64,
     watchdog_resets: u32,
@@ -24,6 +25,7 @@ impl HealthCount {
             for (sum, count) in self.earlier.iter_mut().zip(last.refused) {
                 *sum += count;
             }
+            self.earlier_accepted += last.accepted;
             if status.reset_cause == ResetCause::Watchdog {
                 self.watchdog_resets += 1;
             }
@@ -37,7 +39,7 @@ impl HealthCount {
         let kinds = StopCause::ALL.into_iter().skip(5);
         let counts = self.earlier.iter().zip(last.refused).map(|(earlier, now)| earlier + now);
         LinkHealth {
-            accepted: last.accepted,
+            accepted: self.earlier_accepted + last.accepted,
             refused: kinds.map(|cause| cause.name()).zip(counts).collect(),
             longest_decision_age_ms: self.longest_decision_age_ms,
             response_bound_ms: millis(last.response_bound),

@@ -108,9 +108,9 @@ impl ActRecord {
 /// The link's figures at the end.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct LinkHealth {
-    /// Line-scans accepted since the controller's last start.
+    /// Line-scans accepted over the whole run.
     pub accepted: u32,
-    /// Refused, by cause, over the whole run (also before a restart).
+    /// Refused (and time-outs), by cause, over the whole run.
     pub refused: Vec<(&'static str, u32)>,
     /// Longest time from exposure to decision, milliseconds, over the whole run.
     pub longest_decision_age_ms: f64,

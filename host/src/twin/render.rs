@@ -28,6 +28,8 @@ use super::view::{PixelRectangle, View, disjoint};
 const HIGHLIGHT: f64 = 4.0;
 /// Mean grey that the automatic exposure aims at, linear.
 const MID_GREY: f64 = 0.18;
+/// It keeps paint below this, linear.
+const BRIGHTEST_PAINT: f64 = 0.60;
 /// Reconstructing colours from a Bayer mosaic blurs by this much, standard deviation in pixels: red is sampled in
 /// every other row and column only.
 const DEMOSAIC_BLUR: f64 = 1.1;
@@ -396,10 +398,13 @@ impl Twin {
     }
 }
 
+/// What somebody who sets up the camera would choose: the floor mid-grey, and no paint on it near saturation, on
+/// which the laser could not be seen any more.
 fn automatic_exposure(scene: &Scene) -> f64 {
-    let [red, green, blue] = FloorTexture::mean_albedo(scene.floor.kind);
-    let grey = f64::from(red.max(green).max(blue)).max(0.05);
-    MID_GREY / grey * 400.0 / scene.light.lux.max(20.0)
+    let brightest = |[red, green, blue]: [f32; 3]| f64::from(red.max(green).max(blue)).max(0.02);
+    let floor = MID_GREY / brightest(FloorTexture::mean_albedo(scene.floor.kind));
+    let paint = scene.floor.paint.iter().map(|line| BRIGHTEST_PAINT / brightest(line.colour));
+    paint.fold(floor, f64::min) * 400.0 / scene.light.lux.max(20.0)
 }
 
 fn cut(planes: &RawPlanes, channel: usize, area: PixelRectangle, width: usize) -> Patch {

@@ -120,8 +120,7 @@ fn timeline(html: &mut String, record: &DemoRecord) {
 
 fn health(html: &mut String, record: &DemoRecord) {
     let link = &record.link;
-    let mut rows =
-        format!("<tr><th>accepted since the last start</th><td class='figure'>{}</td></tr>", link.accepted);
+    let mut rows = format!("<tr><th>accepted</th><td class='figure'>{}</td></tr>", link.accepted);
     for (cause, count) in &link.refused {
         let words = cause.replace('_', " ");
         let _ = write!(rows, "<tr><th>{words}</th><td class='figure'>{count}</td></tr>");
