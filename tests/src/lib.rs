@@ -2,4 +2,5 @@
 
 pub mod emulator;
 pub mod oracle;
+pub mod pair;
 pub mod stage;

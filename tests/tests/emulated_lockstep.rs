@@ -2,14 +2,13 @@
 //! simulated life of start, reset, every kind of scene and every kind of link fault. The answers' digest is kept.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "the helpers of tests may fail them")]
 
-use nearfield_host::link::{Emulated, FrameFacts, InProcess, LinkError, McuLink, PinInputs, Reply};
-use nearfield_host::link::{McuKind, MirrorContacts};
+use nearfield_host::link::{Emulated, FrameFacts, McuLink as _, MirrorContacts, PinInputs};
 use nearfield_shared::linescan::{HostVerdict, LINE_SCAN_LENGTH, LineScanColumn, LineScanHeader, encode};
 use nearfield_shared::status::Status;
 use nearfield_shared::units::{Micros, SequenceNumber, SourceId};
-use nearfield_shared::wire;
 use nearfield_tests::emulator::without_emulator;
 use nearfield_tests::oracle::Random;
+use nearfield_tests::pair::Pair;
 use nearfield_tests::stage::Stage;
 
 const SEED: u64 = 20_260_402;
@@ -17,35 +16,6 @@ const SCANS: u32 = 10_000;
 /// CRC-32/MEF over all replies of the run. A change here is a change of what the controller answers: find out why
 /// before you renew it.
 const GOLDEN_DIGEST: u32 = 0x4CCF_5F59;
-
-/// Both controllers at once; every answer must be the same.
-struct Pair {
-    in_process: InProcess,
-    emulated: Emulated,
-    /// Digest so far, and how often the relays were closed.
-    digest: u32,
-    closed_ticks: u32,
-}
-
-impl Pair {
-    fn both(&mut self, what: impl Fn(&mut dyn McuLink) -> Result<Reply, LinkError>) -> Reply {
-        let one = what(&mut self.in_process).unwrap();
-        let other = what(&mut self.emulated).unwrap();
-        assert_eq!(
-            one,
-            other,
-            "in-process: {:?}\nemulated: {:?}",
-            Status::parse(&one.status),
-            Status::parse(&other.status)
-        );
-        let mut bytes = self.digest.to_le_bytes().to_vec();
-        bytes.extend([u8::from(one.outputs.relays.a), one.outputs.laser_level, u8::from(one.fed)]);
-        bytes.extend(one.status);
-        self.digest = wire::checksum(&bytes);
-        self.closed_ticks += u32::from(one.outputs.relays.a);
-        one
-    }
-}
 
 /// Uniform in `0..limit`.
 fn below(random: &mut Random, limit: u64) -> u64 {
@@ -88,10 +58,9 @@ fn emulated_and_in_process_controllers_answer_the_same_bytes() {
     };
     println!("seed {SEED}");
     let stage = Stage::new();
-    let mut pair = Pair { in_process: InProcess::new(), emulated, digest: 0, closed_ticks: 0 };
-    assert_eq!(pair.emulated.kind(), McuKind::Emulated);
+    let mut pair = Pair::new(emulated);
     let rig = stage.rig.to_bytes();
-    pair.both(|link| link.start(Micros::ZERO, &rig));
+    pair.start(Micros::ZERO, &rig).unwrap();
     let mut random = Random::new(SEED);
     let floor = stage.floor();
     let mut columns = floor.clone();
@@ -112,19 +81,19 @@ fn emulated_and_in_process_controllers_answer_the_same_bytes() {
         scene_left -= 1;
         sequence += 1;
         let message = message(&stage, &columns, &mut random, &mut sequence, last_status);
-        let reply = pair.both(|link| link.exchange(start, message.as_deref()));
+        let reply = pair.exchange(start, message.as_deref()).unwrap();
         last_status = Status::parse(&reply.status).unwrap().number;
         for tick in 0..4 {
             let now = start.plus(Micros::from_millis(tick * 5));
             let reset_pressed = frame % 16 >= 2 && frame % 16 < 10;
-            let reply = pair.both(|link| link.tick(now, PinInputs { mirror, reset_pressed }));
+            let reply = pair.tick(now, PinInputs { mirror, reset_pressed }).unwrap();
             mirror = MirrorContacts { a: !reply.outputs.relays.a, b: !reply.outputs.relays.b };
         }
     }
-    println!("digest {:#010x}, relays closed in {} replies", pair.digest, pair.closed_ticks);
-    assert!(pair.closed_ticks > SCANS, "the run must exercise closed relays, too");
-    assert!(pair.closed_ticks < 4 * SCANS, "and open ones");
-    assert_eq!(pair.digest, GOLDEN_DIGEST);
+    println!("digest {:#010x}, relays closed in {} replies", pair.digest(), pair.closed_replies());
+    assert!(pair.closed_replies() > SCANS, "the run must exercise closed relays, too");
+    assert!(pair.closed_replies() < 4 * SCANS, "and open ones");
+    assert_eq!(pair.digest(), GOLDEN_DIGEST);
 }
 
 /// The frame's message: mostly a good one, now and then nothing or a broken one.

@@ -1,0 +1,79 @@
+//! Both safety controllers at once, the firmware library in this process and the Arm binary in QEMU: every answer must
+//! be the same, to the bit.
+
+use nearfield_host::link::{Emulated, InProcess, LinkError, McuKind, McuLink, PinInputs, Reply};
+use nearfield_shared::status::Status;
+use nearfield_shared::units::Micros;
+use nearfield_shared::wire;
+
+/// A link to both; it panics at the first answer that differs.
+pub struct Pair {
+    in_process: InProcess,
+    emulated: Emulated,
+    digest: u32,
+    closed_replies: u32,
+}
+
+impl Pair {
+    /// Neither is started yet.
+    #[must_use]
+    pub fn new(emulated: Emulated) -> Self {
+        Self { in_process: InProcess::new(), emulated, digest: 0, closed_replies: 0 }
+    }
+
+    /// CRC-32/MEF over all replies so far.
+    #[must_use]
+    pub const fn digest(&self) -> u32 {
+        self.digest
+    }
+
+    /// In how many of them the relays were closed.
+    #[must_use]
+    pub const fn closed_replies(&self) -> u32 {
+        self.closed_replies
+    }
+
+    fn both(
+        &mut self,
+        what: impl Fn(&mut dyn McuLink) -> Result<Reply, LinkError>,
+    ) -> Result<Reply, LinkError> {
+        let one = what(&mut self.in_process)?;
+        let other = what(&mut self.emulated)?;
+        assert_eq!(
+            one,
+            other,
+            "in-process: {:?}\nemulated: {:?}",
+            Status::parse(&one.status),
+            Status::parse(&other.status)
+        );
+        let mut bytes = self.digest.to_le_bytes().to_vec();
+        bytes.extend([u8::from(one.outputs.relays.a), one.outputs.laser_level, u8::from(one.fed)]);
+        bytes.extend(one.status);
+        self.digest = wire::checksum(&bytes);
+        self.closed_replies += u32::from(one.outputs.relays.a);
+        Ok(one)
+    }
+}
+
+impl McuLink for Pair {
+    fn kind(&self) -> McuKind {
+        self.emulated.kind()
+    }
+
+    fn start(&mut self, now: Micros, stored_rig: &[u8]) -> Result<Reply, LinkError> {
+        self.both(|link| link.start(now, stored_rig))
+    }
+
+    fn tick(&mut self, now: Micros, pins: PinInputs) -> Result<Reply, LinkError> {
+        self.both(|link| link.tick(now, pins))
+    }
+
+    fn exchange(&mut self, now: Micros, line_scan: Option<&[u8]>) -> Result<Reply, LinkError> {
+        self.both(|link| link.exchange(now, line_scan))
+    }
+
+    fn hang(&mut self, now: Micros) -> Result<(), LinkError> {
+        self.in_process.hang(now)?;
+        self.emulated.hang(now)
+    }
+}
