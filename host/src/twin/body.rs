@@ -118,18 +118,24 @@ impl World {
         self.bodies.iter().any(|body| !body.is_pit && body.meet(&ray, END).is_some())
     }
 
-    /// Distance to the nearest body (not the floor), at most `farthest`.
-    #[must_use]
-    pub fn distance(&self, point: Vector, farthest: f64) -> f64 {
-        let mut nearest = farthest;
-        for body in self.bodies.iter().filter(|body| !body.is_pit && body.bounds.distance(point) < farthest) {
+    /// For each of several points: distance to the nearest body (not the floor), at most that point's limit. All
+    /// points must lie within `reach` of the first point's surroundings: only bodies that near are looked at.
+    pub fn clearances<const N: usize>(
+        &self,
+        around: Vector,
+        reach: f64,
+        points: &[Vector; N],
+        nearest: &mut [f64; N],
+    ) {
+        for body in self.bodies.iter().filter(|body| !body.is_pit && body.bounds.is_within(around, reach)) {
             for (part, bounds) in &body.parts {
-                if bounds.distance(point) < nearest {
-                    nearest = nearest.min(part.distance(point));
+                if bounds.is_within(around, reach) {
+                    for (point, distance) in points.iter().zip(nearest.iter_mut()) {
+                        *distance = distance.min(part.distance(*point));
+                    }
                 }
             }
         }
-        nearest
     }
 
     fn meet_floor(&self, ray: &Ray) -> Option<(f64, Surface)> {

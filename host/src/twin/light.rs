@@ -68,14 +68,13 @@ impl Daylight {
 /// How much of the open sky a point near bodies still sees, 1 in the open; from the distance field above the surface.
 #[must_use]
 pub fn openness(world: &World, point: Vector, normal: Vector) -> f64 {
-    if world.distance(point, SHADOW_REACH_MM) >= SHADOW_REACH_MM {
-        return 1.0;
-    }
+    let probes = PROBES_MM.map(|height| point.plus(normal.scaled(height)));
+    let mut free = PROBES_MM;
+    world.clearances(point, SHADOW_REACH_MM, &probes, &mut free);
     let mut lost = 0.0;
     let mut weight = 0.30;
-    for height in PROBES_MM {
-        let free = world.distance(point.plus(normal.scaled(height)), height).max(0.0);
-        lost += weight * (height - free) / height;
+    for (height, free) in PROBES_MM.into_iter().zip(free) {
+        lost += weight * (height - free.max(0.0)) / height;
         weight *= 0.72;
     }
     (1.0 - lost).clamp(0.15, 1.0)

@@ -74,15 +74,16 @@ impl Bounds {
         self.include(other.low.plus(half), half);
     }
 
-    /// Distance from a point, 0 inside.
+    /// True if a point lies inside or within `reach` of it.
     #[must_use]
-    pub fn distance(&self, point: Vector) -> f64 {
+    pub fn is_within(&self, point: Vector, reach: f64) -> bool {
         let beyond = |value: f64, low: f64, high: f64| (low - value).max(value - high).max(0.0);
-        length(Vector::new(
+        let away = Vector::new(
             beyond(point.x, self.low.x, self.high.x),
             beyond(point.y, self.low.y, self.high.y),
             beyond(point.z, self.low.z, self.high.z),
-        ))
+        );
+        away.dot(away) < reach * reach
     }
 
     /// The eight corners, after growing by `margin` sideways and upwards.

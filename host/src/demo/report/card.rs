@@ -148,9 +148,30 @@ fn findings(html: &mut String, act: &ActRecord, frames: &[FrameRecord], snapshot
     }
 }
 
-/// With a capital letter and a full stop.
+/// With a capital letter and a full stop; a number and its unit stay on one line.
 fn sentence(text: &str) -> String {
+    let mut text = format!("{text}.");
+    for unit in ["ms", "mm", "s"] {
+        for end in [' ', '.', ',', ';'] {
+            text = text.replace(&format!(" {unit}{end}"), &format!("\u{a0}{unit}{end}"));
+        }
+    }
     let mut letters = text.chars();
     let first: String = letters.next().map(|letter| letter.to_uppercase().collect()).unwrap_or_default();
-    format!("{first}{}.", letters.as_str())
+    format!("{first}{}", letters.as_str())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sentences_begin_and_end_well_and_keep_numbers_with_their_units() {
+        assert_eq!(
+            sentence("stays open from 1.20 s to 3.10 s"),
+            "Stays open from 1.20\u{a0}s to 3.10\u{a0}s."
+        );
+        assert_eq!(sentence("relays stay closed"), "Relays stay closed.");
+        assert_eq!(sentence(""), ".");
+    }
 }
