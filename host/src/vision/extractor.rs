@@ -121,7 +121,7 @@ impl Extractor {
         }
         let Workshop { grid, floor, raised } = if S::STEP == 1 { &mut self.pixels } else { &mut self.chroma };
         floor.find(signal, grid);
-        raised.find(signal, grid, &self.geometry, floor.columns());
+        raised.find(signal, grid, &self.geometry, floor);
         for (index, (column, place)) in floor.columns().iter().zip(grid.columns()).enumerate() {
             if column.lit {
                 // Within a sample the stripe runs parallel to the floor's.

@@ -19,6 +19,9 @@ const BETWEEN_CONTRAST: f32 = 2.5;
 /// falls over several columns. The end is where it has fallen to half, so a column with less than this share of the
 /// strongest contrast within [`SPREAD_COLUMNS`] is beyond the end.
 const SPREAD_SHARE: f32 = 0.5;
+/// Speckle, grout and dark spots dip below that share too, but not far: only where the contrast falls below this share
+/// has the stripe ended. A gap of 7 mm still gets there with 2 mm to a column.
+const GONE_SHARE: f32 = 0.15;
 /// How far back to look for the strongest contrast, samples. Farther, and the bright side of a paint's edge would
 /// darken the dark one.
 const SPREAD_COLUMNS: usize = 3;
@@ -94,7 +97,7 @@ pub fn is_fringe<S: Signal>(signal: S, column: usize, peak: &Peak) -> bool {
 fn find<S: Signal, P: Signal>(signal: S, picture: P, column: usize, place: &GridColumn) -> Option<Peak> {
     let centre = row_within(signal.rows(), place)?;
     let reach = place.tolerance.ceil() as usize + 1;
-    peak::find(signal, column, centre, reach).filter(|peak| !is_fringe(picture, column, peak))
+    peak::find(signal, column, centre, reach, true).filter(|peak| !is_fringe(picture, column, peak))
 }
 
 /// The background's variation in one of every [`NOISE_STRIDE`] columns; NaN in the others.
@@ -181,12 +184,39 @@ impl<S: Signal> Signal for Averaged<'_, S> {
     }
 }
 
+/// The runs of columns that are not lit, each with its part of `values`.
+fn runs<'a>(
+    columns: &'a mut [FloorColumn],
+    values: &'a [f32],
+) -> impl Iterator<Item = (&'a mut [FloorColumn], &'a [f32])> {
+    let mut rest = values;
+    columns.chunk_by_mut(|one, other| one.lit == other.lit).filter_map(move |run| {
+        let (shares, after) = rest.split_at(run.len());
+        rest = after;
+        run.first().is_some_and(|column| !column.lit).then_some((run, shares))
+    })
+}
+
 /// Finds the floor's stripe in all columns of a grid; owns its memory.
 #[derive(Debug, Clone)]
 pub struct FloorFinder {
     columns: Vec<FloorColumn>,
     scratch: Vec<f32>,
     pooled: Vec<f32>,
+    usual: UsualStripe,
+}
+
+/// What the stripe looks like in one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UsualStripe {
+    /// Mean width, samples; infinite if no stripe is surely seen.
+    pub width: f32,
+    /// Mean contrast; zero if no stripe is surely seen.
+    pub contrast: f32,
+}
+
+impl UsualStripe {
+    const UNKNOWN: Self = Self { width: f32::INFINITY, contrast: 0.0 };
 }
 
 impl FloorFinder {
@@ -198,6 +228,7 @@ impl FloorFinder {
             columns: vec![FloorColumn::UNKNOWN; count],
             scratch: vec![0.0; count],
             pooled: vec![0.0; count],
+            usual: UsualStripe::UNKNOWN,
         }
     }
 
@@ -205,6 +236,12 @@ impl FloorFinder {
     #[must_use]
     pub fn columns(&self) -> &[FloorColumn] {
         &self.columns
+    }
+
+    /// What the stripe looked like in the last frame.
+    #[must_use]
+    pub const fn usual(&self) -> UsualStripe {
+        self.usual
     }
 
     /// Looks at one frame.
@@ -260,7 +297,8 @@ impl FloorFinder {
     }
 
     fn decide(&mut self, grid: &Grid) {
-        let (usual_width, usual_contrast) = self.usual_stripe();
+        self.usual = self.usual_stripe();
+        let usual = self.usual;
         for (contrast, column) in self.scratch.iter_mut().zip(&self.columns) {
             *contrast = column.contrast();
         }
@@ -268,23 +306,35 @@ impl FloorFinder {
             let end = (index + SPREAD_COLUMNS + 1).min(self.scratch.len());
             let around = &self.scratch[index.saturating_sub(SPREAD_COLUMNS)..end];
             let strongest = around.iter().copied().fold(0.0, f32::max);
-            let ended = column.contrast() < SPREAD_SHARE * strongest;
             let glow = column.peak.is_none_or(|peak| {
-                peak.width > GLOW_WIDTH * usual_width && peak.contrast < GLOW_SHARE * usual_contrast
+                peak.width > GLOW_WIDTH * usual.width && peak.contrast < GLOW_SHARE * usual.contrast
             });
-            column.lit = !glow && !ended && column.significance() >= SURE_CONTRAST;
+            let sure = !glow && column.significance() >= SURE_CONTRAST;
+            // How much of the strongest contrast around is left; NaN where there is no stripe to judge.
+            let share = if sure { column.contrast() / strongest } else { f32::NAN };
+            self.pooled[index] = share;
+            column.lit = share >= SPREAD_SHARE;
+        }
+        for (columns, shares) in runs(&mut self.columns, &self.pooled) {
+            if shares.iter().all(|share| *share >= GONE_SHARE) {
+                columns.iter_mut().for_each(|column| column.lit = true);
+            }
         }
         self.bridge(grid);
     }
 
-    /// Mean width (samples) and contrast of what is surely no noise.
-    fn usual_stripe(&self) -> (f32, f32) {
+    /// The mean of what is surely no noise.
+    fn usual_stripe(&self) -> UsualStripe {
         let strong = self.columns.iter().filter(|column| column.significance() >= 2.0 * SURE_CONTRAST);
         let (mut width, mut contrast, mut count) = (0.0, 0.0, 0.0);
         for peak in strong.filter_map(|column| column.peak) {
             (width, contrast, count) = (width + peak.width, contrast + peak.contrast, count + 1.0);
         }
-        if count > 0.0 { (width / count, contrast / count) } else { (f32::INFINITY, 0.0) }
+        if count > 0.0 {
+            UsualStripe { width: width / count, contrast: contrast / count }
+        } else {
+            UsualStripe::UNKNOWN
+        }
     }
 
     /// Believes short runs of weaker columns between two sure ones.

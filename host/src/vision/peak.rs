@@ -13,8 +13,12 @@ const VALLEY_SHARE: f32 = 0.5;
 const HOLLOW_STRENGTH: i16 = 60;
 /// The rim of a hollow reaches this far beyond the clipped samples.
 const RIM: usize = 2;
+/// A ridge whose contrast is a smaller share of its rise may have a paint's edge close by.
+const EVEN_SHARE: f32 = 0.5;
+/// The refined kernel's sums vary so much more: the root of the ratio of the kernels' lengths.
+const FINE_SHARE: f32 = 0.77;
 /// A ridge whose contrast is a smaller share of its rise may be one rim of a wide, hollow one.
-const RIM_SHARE: f32 = 0.7;
+const RIM_SHARE: f32 = 0.2;
 /// A wider kernel must find so much more contrast to be believed.
 const WIDE_GAIN: f32 = 1.2;
 
@@ -42,6 +46,13 @@ impl Kernel {
     #[must_use]
     pub const fn widened(&self) -> Self {
         Self { half: 2 * self.half, near: 2 * self.near + 2, far: 2 * self.far + 4 }
+    }
+
+    /// For stripes with something else close by.
+    #[must_use]
+    pub const fn refined(&self) -> Self {
+        let half = if self.half > 1 { self.half - 1 } else { 1 };
+        Self { half, near: self.near - self.near / 3, far: self.far / 2 }
     }
 
     /// The widest stripe that leaves the background free.
@@ -219,22 +230,33 @@ const FORTY_PERCENT_STEP: f32 = 0.741_6;
 
 /// A ridge with its crest within `reach` samples of `centre` in one column of a picture, its row within the picture.
 ///
-/// A stripe may be too wide for the usual kernel: near the camera, or clipped. What looks wide, or has very unequal
-/// sides (it may be the rim of something wide), is measured again with a wider kernel, which is believed if it
-/// explains more.
-pub fn find<S: Signal>(signal: S, column: usize, centre: usize, reach: usize) -> Option<Peak> {
+/// A stripe may be too wide for the usual kernel (near the camera, or clipped), or the edge of a paint may run so close
+/// to it that only a finer kernel fits between. So what looks wide or has unequal sides is measured again, and another
+/// kernel is believed if it explains more. `refine` allows the finer one, which is for places where a stripe is expected:
+/// texture has many fine ridges.
+pub fn find<S: Signal>(signal: S, column: usize, centre: usize, reach: usize, refine: bool) -> Option<Peak> {
     let kernel = Kernel::for_step(S::STEP);
-    let narrow = find_with(signal, column, centre, reach, kernel);
-    if let Some(peak) = narrow
-        && peak.contrast >= RIM_SHARE * peak.rise
-        && peak.width <= kernel.widest() as f32
-    {
-        return narrow;
+    let usual = find_with(signal, column, centre, reach, kernel);
+    let share = usual.map_or(0.0, |peak| peak.contrast / peak.rise);
+    let fits = usual.is_some_and(|peak| peak.width <= kernel.widest() as f32);
+    if fits && share >= EVEN_SHARE {
+        return usual;
     }
-    let contrast = narrow.map_or(0.0, |peak| peak.contrast);
-    find_with(signal, column, centre, reach, kernel.widened())
-        .filter(|wide| wide.contrast > WIDE_GAIN * contrast)
-        .or(narrow)
+    let stronger = |one: Option<Peak>, other: Option<Peak>, gain: f32| match (one, other) {
+        (Some(one), Some(other)) if other.contrast <= gain * one.contrast => Some(one),
+        (one, other) => other.or(one),
+    };
+    let mut best = usual;
+    if refine {
+        // The finer kernel's sums vary more, for which its contrast pays.
+        let fine = find_with(signal, column, centre, reach, kernel.refined())
+            .map(|peak| Peak { contrast: peak.contrast * FINE_SHARE, ..peak });
+        best = stronger(usual, fine, 1.0);
+    }
+    if fits && share >= RIM_SHARE {
+        return best;
+    }
+    stronger(best, find_with(signal, column, centre, reach, kernel.widened()), WIDE_GAIN)
 }
 
 fn find_with<S: Signal>(

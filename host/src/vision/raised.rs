@@ -5,9 +5,9 @@
 //! glossy side, texture) only one, that of the longer and stronger line. Candidates must form a line over several
 //! columns; a single bright spot is none.
 
-use super::floor::{FloorColumn, is_fringe};
+use super::floor::{FloorColumn, FloorFinder, is_fringe};
 use super::grid::{Grid, PictureGeometry};
-use super::peak::{self, Kernel, Peak};
+use super::peak::{self, Peak};
 use super::signal::{SEGMENT_BITS, SEGMENT_ROWS, Signal};
 
 /// Length of the stretches in which rays are counted, millimetres.
@@ -26,6 +26,9 @@ const LINE_STEP: f32 = 4.0;
 const LINE_HOLES: usize = 3;
 /// Two seeds of one column that lead within this many samples of each other have found the same stripe.
 const SAME_CREST: f32 = 3.0;
+/// A stripe that is not clipped is at most so many times as wide as the floor's usually is: things that are red
+/// themselves are mostly wider.
+const WIDEST_SHARE: f32 = 2.0;
 /// Lines that are followed at a time; more is texture.
 const OPEN_LINES: usize = 24;
 /// Candidates for which there is room; a picture with more shows texture, and the weaker ones change nothing.
@@ -97,11 +100,11 @@ impl RaisedFinder {
         signal: S,
         grid: &Grid,
         geometry: &PictureGeometry,
-        floor: &[FloorColumn],
+        floor: &FloorFinder,
     ) {
         self.points.clear();
         self.lines.clear();
-        if !self.rays.set(floor) {
+        if !self.rays.set(floor.columns()) {
             return;
         }
         self.collect_seeds(signal, grid);
@@ -142,11 +145,12 @@ impl RaisedFinder {
         signal: S,
         grid: &Grid,
         geometry: &PictureGeometry,
-        floor: &[FloorColumn],
+        floor: &FloorFinder,
     ) {
+        let widest = WIDEST_SHARE * floor.usual().width;
         let width = grid.columns().len();
         self.open.clear();
-        for (index, (place, floor)) in grid.columns().iter().zip(floor).enumerate() {
+        for (index, (place, floor)) in grid.columns().iter().zip(floor.columns()).enumerate() {
             let lines = &self.lines;
             self.open.retain(|line| lines[*line as usize].last_column + LINE_HOLES + 1 >= index);
             let image_column = grid.image_column(index);
@@ -159,7 +163,7 @@ impl RaisedFinder {
                 if !self.rays.is_dark(geometry.ray_place(map, grid.to_pixels(row as f32))) {
                     continue;
                 }
-                let Some(peak) = measure(signal, grid.first() + index, row) else { continue };
+                let Some(peak) = measure(signal, grid.first() + index, row, widest) else { continue };
                 let (peak_row, contrast) = (peak.row, peak.contrast);
                 let significance = contrast / floor.noise;
                 // Neighbouring segments can lead to the same crest.
@@ -262,11 +266,12 @@ impl Line {
     }
 }
 
-/// The ridge near a seed, if it is as narrow as a stripe and more than a colour fringe.
-fn measure<S: Signal>(signal: S, column: usize, seed: usize) -> Option<Peak> {
-    let widest = 2 * Kernel::for_step(S::STEP).widened().widest();
-    peak::find(signal, column, seed, 1)
-        .filter(|peak| peak.width <= widest as f32 && !is_fringe(signal, column, peak))
+/// The ridge near a seed, if it is as narrow as a stripe and more than a colour fringe. A clipped stripe may be wide:
+/// the brighter, the wider.
+fn measure<S: Signal>(signal: S, column: usize, seed: usize, widest: f32) -> Option<Peak> {
+    let peak = peak::find(signal, column, seed, 1, false)?;
+    let narrow = peak.width <= widest || signal.is_clipped(column, peak.row.round().max(0.0) as usize);
+    (narrow && !is_fringe(signal, column, &peak)).then_some(peak)
 }
 
 /// Which rays of the laser reach the floor, in stretches of [`RAY_BIN_MM`].
