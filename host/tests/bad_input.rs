@@ -167,3 +167,23 @@ fn arguments_that_make_no_sense_are_refused() {
         &["fps"],
     );
 }
+
+/// `nearfield ... | head -1`: the reader goes away in the middle.
+#[test]
+fn a_reader_that_goes_away_is_no_panic() {
+    use std::io::Read as _;
+    let mut child = Command::new(env!("CARGO_BIN_EXE_nearfield"))
+        .args(["evaluate-scenes", "--json"])
+        .arg(pictures())
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut first = [0];
+    let mut stdout = child.stdout.take().unwrap();
+    stdout.read_exact(&mut first).unwrap();
+    drop(stdout);
+    let output = child.wait_with_output().unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(!error.contains("panicked") && output.status.success(), "{:?}: {error}", output.status);
+}

@@ -68,12 +68,12 @@ impl Demo {
         write(&self.out.join("demo.json"), json.as_bytes())?;
         let page = self.out.join("report.html");
         write(&page, report::page(&outcome, &script::minute()).as_bytes())?;
-        if self.json {
-            println!("{json}");
-        } else {
-            summary(&outcome, &page);
+        let said = if self.json { line(&json) } else { summary(&outcome, &page) };
+        if !outcome.record.met {
+            // Whoever listens or not: a broken promise is told by the exit code.
+            return Ok(BROKEN_PROMISE);
         }
-        Ok(if outcome.record.met { 0 } else { BROKEN_PROMISE })
+        said.map(|()| 0)
     }
 
     fn audience(&self) -> anyhow::Result<Box<dyn Audience>> {
@@ -87,19 +87,25 @@ impl Demo {
     }
 }
 
-fn summary(outcome: &Outcome, page: &Path) {
+fn line(text: &str) -> anyhow::Result<()> {
+    say!("{text}");
+    Ok(())
+}
+
+fn summary(outcome: &Outcome, page: &Path) -> anyhow::Result<()> {
     let record = &outcome.record;
     let (met, all) = record.score();
-    println!("{met} of {all} promises kept, {} frames in {:.1} s", record.frames.len(), record.wall_seconds);
+    say!("{met} of {all} promises kept, {} frames in {:.1} s", record.frames.len(), record.wall_seconds);
     if let Some((median, slowest)) = record.light_reactions() {
-        println!("interrupted light to open command: median {median:.0} ms, slowest {slowest:.0} ms");
+        say!("interrupted light to open command: median {median:.0} ms, slowest {slowest:.0} ms");
     }
     for act in record.acts.iter().filter(|act| !act.met()) {
         for check in act.checks.iter().filter(|check| !check.met) {
-            println!("FAILED {}: {}; but: {}", act.title, check.expected, check.happened);
+            say!("FAILED {}: {}; but: {}", act.title, check.expected, check.happened);
         }
     }
-    println!("report: {}", page.display());
+    say!("report: {}", page.display());
+    Ok(())
 }
 
 fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {

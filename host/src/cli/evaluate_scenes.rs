@@ -208,28 +208,28 @@ impl EvaluateScenes {
         let scenes = Scene::load_all(&self.directory)?;
         let mut results = Vec::with_capacity(scenes.len());
         if !self.json {
-            println!("{HEADING}");
+            say!("{HEADING}");
         }
         for scene in &scenes {
             let result = evaluate_with(scene, self.layout, self.mcu)?;
             if self.json {
-                println!("{}", serde_json::to_string(&result)?);
+                say!("{}", serde_json::to_string(&result)?);
             } else {
-                println!("{}", row(&result));
+                say!("{}", row(&result));
             }
             results.push(result);
         }
         if !self.json {
-            println!("{}", summary(&results));
+            say!("{}", summary(&results));
         }
         let mut right = results.iter().all(|result| result.right);
         for sequence in sequences(&scenes) {
             let result = play(&sequence, self.mcu)?;
             right &= result.right;
             if self.json {
-                println!("{}", serde_json::to_string(&result)?);
+                say!("{}", serde_json::to_string(&result)?);
             } else {
-                println!("{}", result.sentence());
+                say!("{}", result.sentence());
             }
         }
         Ok(u8::from(!right))

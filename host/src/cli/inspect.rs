@@ -60,9 +60,9 @@ impl Inspect {
             match inspector.inspect(image)? {
                 Ok(report) => {
                     if self.json {
-                        println!("{}", serde_json::to_string(&report)?);
+                        say!("{}", serde_json::to_string(&report)?);
                     } else {
-                        print!("{}", table(&report));
+                        say!("{}", table(&report).trim_end());
                     }
                     if let Some(drawings) = &mut drawings {
                         drawings.write(image, &inspector, &report)?;

@@ -1,5 +1,14 @@
 //! The command `nearfield`: its subcommands, one file each, and what they share.
 
+/// Writes a line to standard output; a reader that has gone away (`| head`) is an error like any other, and ends the
+/// command quietly in [`CommandLine::run`]. `println!` would panic.
+macro_rules! say {
+    ($($part:tt)*) => {{
+        use std::io::Write as _;
+        writeln!(std::io::stdout().lock(), $($part)*)?
+    }};
+}
+
 pub mod demo;
 pub mod evaluate_scenes;
 pub mod inspect;
@@ -48,10 +57,18 @@ impl CommandLine {
         };
         match result {
             Ok(code) => ExitCode::from(code),
+            Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
             Err(error) => {
                 eprintln!("error: {error:#}");
                 ExitCode::from(BAD_INPUT)
             }
         }
     }
+}
+
+/// Has the reader of standard output gone away?
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    let kinds =
+        error.chain().filter_map(|cause| cause.downcast_ref::<std::io::Error>()).map(std::io::Error::kind);
+    kinds.into_iter().any(|kind| kind == std::io::ErrorKind::BrokenPipe)
 }

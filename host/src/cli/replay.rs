@@ -76,7 +76,7 @@ impl Replay {
         let mut player =
             Player::new(&rig, self.mcu, self.fps).with_context(|| self.rig.display().to_string())?;
         if !self.json {
-            println!("frame      t ms  stripe  longest gap  highest  relay   causes");
+            say!("frame      t ms  stripe  longest gap  highest  relay   causes");
         }
         let mut code = 0;
         for picture in &pictures {
@@ -86,9 +86,9 @@ impl Replay {
                 code = 2;
             }
             if self.json {
-                println!("{}", serde_json::to_string(&report)?);
+                say!("{}", serde_json::to_string(&report)?);
             } else {
-                println!("{}", row(&report));
+                say!("{}", row(&report));
             }
         }
         Ok(code)

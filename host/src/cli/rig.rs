@@ -46,7 +46,7 @@ impl RigArguments {
                         describe(&rig).map_err(|error| anyhow::anyhow!("{}: {error}", file.display()))
                     });
                     match checked {
-                        Ok(text) => println!("{}: good\n{text}", file.display()),
+                        Ok(text) => say!("{}: good\n{text}", file.display()),
                         Err(error) => {
                             eprintln!("error: {error:#}");
                             code = 2;
@@ -56,7 +56,7 @@ impl RigArguments {
                 Ok(code)
             }
             Command::Print { file } => {
-                print!("{}", rig_file::to_toml(&rig_file::load(file)?));
+                say!("{}", rig_file::to_toml(&rig_file::load(file)?).trim_end());
                 Ok(0)
             }
         }

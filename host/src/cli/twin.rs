@@ -84,23 +84,24 @@ impl TwinArguments {
     pub fn run(&self) -> anyhow::Result<u8> {
         match &self.command {
             Command::Render(render) => render.run()?,
-            Command::Scenes => list(),
+            Command::Scenes => list()?,
         }
         Ok(0)
     }
 }
 
-fn list() {
-    println!("Ready-made scenes (--scene):");
+fn list() -> anyhow::Result<()> {
+    say!("Ready-made scenes (--scene):");
     for (name, note, _) in GALLERY {
-        println!("  {name:<16} {note}");
+        say!("  {name:<16} {note}");
     }
-    println!("  random:SEED      one object of any kind on any floor in any light");
-    println!("  random-thin:SEED a cable; random-clean:SEED nothing on the stripe");
-    println!("Built-in rigs (--rig):");
+    say!("  random:SEED      one object of any kind on any floor in any light");
+    say!("  random-thin:SEED a cable; random-clean:SEED nothing on the stripe");
+    say!("Built-in rigs (--rig):");
     for (name, _, note) in RIGS {
-        println!("  {name:<16} {note}");
+        say!("  {name:<16} {note}");
     }
+    Ok(())
 }
 
 /// Built-in rigs by name.
@@ -150,9 +151,9 @@ impl Render {
                 cutoff: truth.cutoff,
                 longest_gap_mm: truth.longest_gap_mm.any,
             };
-            println!("{}", serde_json::to_string(&line)?);
+            say!("{}", serde_json::to_string(&line)?);
         } else {
-            println!("{}  {:?}, longest gap {:.1} mm", png.display(), truth.cutoff, truth.longest_gap_mm.any);
+            say!("{}  {:?}, longest gap {:.1} mm", png.display(), truth.cutoff, truth.longest_gap_mm.any);
         }
         Ok(())
     }
