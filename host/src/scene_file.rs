@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use nearfield_shared::camera::{Camera, Intrinsics, Pose, Vector};
 use nearfield_shared::laser::Laser;
 use nearfield_shared::rig::{ImageSize, Rig, Stripe};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// Why a scene file was refused.
 #[derive(Debug, thiserror::Error)]
@@ -45,8 +45,8 @@ pub enum SceneFileError {
     },
 }
 
-/// What tier 1 must say about a picture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+/// What a correct sensor must say about a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ExpectedCutoff {
     /// The stripe is cut: stop.

@@ -2,25 +2,13 @@
 //! firmware library in this process and the Arm binary in QEMU answer the same bytes.
 #![allow(clippy::unwrap_used, reason = "the helpers of tests may fail them")]
 
-use nearfield_host::demo::record::ActRecord;
+use nearfield_host::demo::Engine;
 use nearfield_host::demo::script::minute;
-use nearfield_host::demo::{Audience, DemoError, Engine, Moment};
+use nearfield_host::demo::view::Nobody;
 use nearfield_host::link::Emulated;
 use nearfield_host::twin::gallery::CENTRE;
 use nearfield_tests::emulator::without_emulator;
 use nearfield_tests::pair::Pair;
-
-struct Nobody;
-
-impl Audience for Nobody {
-    fn frame(&mut self, _: &Moment<'_>) -> Result<(), DemoError> {
-        Ok(())
-    }
-
-    fn act_over(&mut self, _: &ActRecord) -> Result<(), DemoError> {
-        Ok(())
-    }
-}
 
 #[test]
 fn the_whole_demo_gives_the_same_bytes_in_process_and_emulated() {

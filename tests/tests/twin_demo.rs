@@ -1,25 +1,13 @@
 //! The demo's minute: everything it promises happens over the real path, and a controller that does not keep the
 //! promises is found out.
 
-use nearfield_host::demo::record::ActRecord;
 use nearfield_host::demo::script::{Act, minute};
-use nearfield_host::demo::{Audience, DemoError, Engine, Moment, Outcome, report};
+use nearfield_host::demo::view::Nobody;
+use nearfield_host::demo::{Engine, Outcome, report};
 use nearfield_host::link::{InProcess, LinkError, McuKind, McuLink, PinInputs, Reply};
 use nearfield_host::twin::gallery::CENTRE;
 use nearfield_shared::status::Channels;
 use nearfield_shared::units::Micros;
-
-struct Nobody;
-
-impl Audience for Nobody {
-    fn frame(&mut self, _: &Moment<'_>) -> Result<(), DemoError> {
-        Ok(())
-    }
-
-    fn act_over(&mut self, _: &ActRecord) -> Result<(), DemoError> {
-        Ok(())
-    }
-}
 
 #[expect(clippy::unwrap_used, reason = "a test helper")]
 fn play(link: Box<dyn McuLink>, acts: Vec<Act>) -> Outcome {

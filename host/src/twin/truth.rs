@@ -21,6 +21,7 @@ use serde::Serialize;
 use super::body::{FloorAxes, World};
 use super::shape::Ray;
 use super::view::View;
+pub use crate::scene_file::ExpectedCutoff;
 
 /// Distance between followed rays on the floor, millimetres.
 const STEP_MM: f64 = 0.25;
@@ -31,20 +32,6 @@ const DARK_ALBEDO: f32 = 0.008;
 /// See the module's documentation, `cutoff`.
 const TRIP_SHIFT_MM: f64 = 5.0;
 const TRIP_LENGTH_MM: f64 = 7.0;
-
-/// What a correct sensor must say.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ExpectedCutoff {
-    /// It must stop.
-    Trip,
-    /// It must not stop.
-    NoTrip,
-    /// Either is right.
-    Borderline,
-    /// There is no stripe: it must stop.
-    StripeMissing,
-}
 
 /// Why a stretch of the stripe is not on the floor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
