@@ -1,4 +1,21 @@
-//! The Pi host of nearfield.
+//! The Pi host of the near-field safety sensor: pictures in, line-scans out, and everything around the safety
+//! controller that is not safety itself. Whatever is wrong in here can stop the robot, but never keep it going.
+//!
+//! | module | what it does |
+//! |---|---|
+//! | [`capture`] | pictures from files, as planes: PNG, JPEG, raw YUV420 and NV12 |
+//! | [`rig_file`] | the rig's TOML file, checked field by field |
+//! | [`vision`] | the stripe in every column, sub-pixel; gaps, objects, heights at full resolution |
+//! | [`line_scan`] | full-resolution readings to the 1152 columns of the line-scan, hiding nothing |
+//! | [`link`] | the safety controller, in this process or emulated, with its relays, button and clock |
+//! | [`twin`] | a renderer of camera pictures with exact truth |
+//! | [`demo`] | the scripted minute: every promise stated, played, checked and reported |
+//! | [`scene_file`] | pictures with known truth, to measure with |
+//! | [`annotate`] | what was found, drawn on the picture |
+//! | [`cli`] | the command `nearfield` |
+//!
+//! The way of a picture: [`capture::read_frame`] -> [`vision::Analyser`] -> [`line_scan::LineScanEncoder`] ->
+//! [`link::McuSession`].
 
 pub mod annotate;
 pub mod capture;
