@@ -100,7 +100,7 @@ fn test() -> Result<()> {
     lint()?;
     firmware()?;
     Step::cargo(&["test", "--workspace", "--exclude", "panic-free"])
-        .env("CI_EMULATED_REQUIRED", "1")
+        .env("NEARFIELD_EMULATOR_REQUIRED", "1")
         .run()?;
     panic_free::prove()?;
     budget::check(false)?;
@@ -114,7 +114,7 @@ fn emulate() -> Result<()> {
     setup::everything()?;
     firmware()?;
     Step::cargo(&["test", "--package", "nearfield-tests", "--test", "emulated*"])
-        .env("CI_EMULATED_REQUIRED", "1")
+        .env("NEARFIELD_EMULATOR_REQUIRED", "1")
         .run()
 }
 
