@@ -42,8 +42,9 @@ const AVERAGED_PENALTY: f32 = 1.3;
 const MOST_AVERAGED: usize = 4;
 /// The background's variation is pooled over this many columns on both sides.
 const POOLED_COLUMNS: usize = 16;
-/// Variation below this is not believed: quantisation hides it (levels of the running mean).
-const LEAST_NOISE: f32 = 0.4;
+/// Variation below this is not believed (levels of the running mean): quantisation and compression hide it, and leave
+/// ripples of a few levels themselves.
+const LEAST_NOISE: f32 = 0.8;
 /// The background's variation is measured in every so manieth column: it is pooled anyway.
 const NOISE_STRIDE: usize = 4;
 
