@@ -305,7 +305,7 @@ impl<M: BorrowMut<LineScanMonitor>> SafetyController<M> {
             reset_cause: self.reset_cause,
             live_causes: self.live.union(self.events),
             latched_causes: self.state.latched(),
-            longest_gap: self.report.cutoff.voted,
+            longest_gap: self.report.longest_gap(),
             highest: self.report.heights.highest,
             lowest: self.report.heights.lowest.map(|lowest| lowest.height),
             longest_unknown: self.report.heights.longest_unknown,

@@ -37,7 +37,7 @@ pub fn draw(rgb: &[u8], size: ImageSize, analyser: &Analyser, relay_closed: bool
     draw_gaps(&mut canvas, analyser);
     draw_objects(&mut canvas, analyser);
     let report = analyser.report();
-    let gap = report.cutoff.voted.map_or(0.0, |gap| gap.length().get());
+    let gap = report.longest_gap().map_or(0.0, |gap| gap.length().get());
     let stripe = match (analyser.is_stripe_found(), report.is_cut()) {
         (false, _) => "NOT FOUND".to_owned(),
         (true, true) => format!("CUT, longest gap {gap:.1} mm"),

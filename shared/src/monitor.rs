@@ -44,6 +44,16 @@ impl StripeReport {
             || self.cutoff.single.is_some_and(|gap| gap.length() > IMMEDIATE_GAP)
     }
 
+    /// The longest gap to tell: the vote's, or this frame's alone while that one trips at once and is longer.
+    #[must_use]
+    pub fn longest_gap(&self) -> Option<Gap> {
+        let at_once = self.cutoff.single.filter(|gap| gap.length() > IMMEDIATE_GAP);
+        match (self.cutoff.voted, at_once) {
+            (Some(voted), Some(single)) if voted.length() >= single.length() => Some(voted),
+            (voted, at_once) => at_once.or(voted),
+        }
+    }
+
     /// Nothing of the stripe is seen on the floor, nor off it.
     #[must_use]
     pub const fn is_stripe_missing(&self) -> bool {

@@ -173,6 +173,27 @@ fn a_small_gap_needs_two_frames_of_three_and_a_large_one_needs_one() {
 }
 
 #[test]
+fn the_gap_that_trips_at_once_is_the_one_that_is_told() {
+    let mut monitor = monitor(&height_rig());
+    let floor = scan(&monitor, FLOOR);
+    let large = scan(&monitor, cut(50.0, IMMEDIATE_GAP.get() + 10.0));
+    let small = scan(&monitor, cut(-50.0, 12.0));
+    assert_eq!(show(&mut monitor, &floor, 3).longest_gap(), None);
+    let report = show(&mut monitor, &large, 1);
+    assert!(
+        report.cutoff.voted.is_none() && report.longest_gap() == report.cutoff.single,
+        "{:?}",
+        report.cutoff
+    );
+    let report = show(&mut monitor, &large, 2);
+    assert_eq!(report.longest_gap(), report.cutoff.voted, "the vote has caught up");
+    let report = show(&mut monitor, &floor, 1);
+    assert_eq!(report.longest_gap(), report.cutoff.voted, "the vote still holds it");
+    show(&mut monitor, &floor, 2);
+    assert_eq!(show(&mut monitor, &small, 1).longest_gap(), None, "too small to trip at once, and outvoted");
+}
+
+#[test]
 fn scattered_weak_columns_do_not_stop() {
     for rig in [height_rig(), side_rig()] {
         let mut monitor = monitor(&rig);

@@ -4,13 +4,15 @@
 use nearfield_host::link::{Emulated, InProcess, LinkError, McuKind, McuLink, PinInputs, Reply};
 use nearfield_shared::status::Status;
 use nearfield_shared::units::Micros;
-use nearfield_shared::wire;
+
+const FNV_OFFSET: u64 = 0xCBF2_9CE4_8422_2325;
+const FNV_PRIME: u64 = 0x0000_0100_0000_01B3;
 
 /// A link to both; it panics at the first answer that differs.
 pub struct Pair {
     in_process: InProcess,
     emulated: Emulated,
-    digest: u32,
+    digest: u64,
     closed_replies: u32,
 }
 
@@ -18,12 +20,13 @@ impl Pair {
     /// Neither is started yet.
     #[must_use]
     pub fn new(emulated: Emulated) -> Self {
-        Self { in_process: InProcess::new(), emulated, digest: 0, closed_replies: 0 }
+        Self { in_process: InProcess::new(), emulated, digest: FNV_OFFSET, closed_replies: 0 }
     }
 
-    /// CRC-32/MEF over all replies so far.
+    /// FNV-1a (64 bits) over all replies so far. Not the messages' own CRC: a sealed message leaves that in a state that
+    /// does not depend on what the message says.
     #[must_use]
-    pub const fn digest(&self) -> u32 {
+    pub const fn digest(&self) -> u64 {
         self.digest
     }
 
@@ -46,10 +49,10 @@ impl Pair {
             Status::parse(&one.status),
             Status::parse(&other.status)
         );
-        let mut bytes = self.digest.to_le_bytes().to_vec();
-        bytes.extend([u8::from(one.outputs.relays.a), one.outputs.laser_level, u8::from(one.fed)]);
-        bytes.extend(one.status);
-        self.digest = wire::checksum(&bytes);
+        let outputs = [u8::from(one.outputs.relays.a), one.outputs.laser_level, u8::from(one.fed)];
+        for byte in outputs.into_iter().chain(one.status) {
+            self.digest = (self.digest ^ u64::from(byte)).wrapping_mul(FNV_PRIME);
+        }
         self.closed_replies += u32::from(one.outputs.relays.a);
         Ok(one)
     }

@@ -131,7 +131,7 @@ fn compare(scene: &Scene, analyser: &Analyser, mcu: McuVerdict, time_us: u64) ->
         cutoff,
         mcu,
         right,
-        longest_gap_mm: analyser.report().cutoff.voted.map_or(0.0, |gap| gap.length().get()),
+        longest_gap_mm: analyser.report().longest_gap().map_or(0.0, |gap| gap.length().get()),
         expected_gap_mm: scene.longest_gap,
         heights: heights(scene, analyser),
         row_bias_px: rows.as_ref().map(|rows| rows.bias),

@@ -115,7 +115,7 @@ impl PictureReport {
             image,
             stripe_found: analyser.is_stripe_found(),
             cutoff: report.is_cut(),
-            longest_gap_mm: report.cutoff.voted.map_or(0.0, |gap| rounded(gap.length().get())),
+            longest_gap_mm: report.longest_gap().map_or(0.0, |gap| rounded(gap.length().get())),
             gaps: gaps.collect(),
             objects: objects.collect(),
             profile: ProfileReport { s_mm, height_mm },

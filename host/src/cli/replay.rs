@@ -187,7 +187,7 @@ impl Player {
             frame: self.frame,
             t_ms: (self.frame as f64 * self.period_ms * 1000.0).round() / 1000.0,
             cutoff: report.is_cut(),
-            longest_gap_mm: report.cutoff.voted.map_or(0.0, |gap| gap.length().get()),
+            longest_gap_mm: report.longest_gap().map_or(0.0, |gap| gap.length().get()),
             highest_mm: heights.map(|height| height.get()).reduce(f32::max),
             relay: relay_name(self.session.relay_closed()),
             causes: cause_names(status.live_causes.union(status.latched_causes)),
