@@ -46,13 +46,18 @@
     )
 )]
 
+pub mod black_box;
 pub mod evidence;
+pub mod fault_log;
 pub mod flow;
 pub mod interlock;
 pub mod link;
 pub mod lockstep;
 pub mod relay;
 pub mod safety;
+pub mod selftest;
+pub mod service;
+pub mod store;
 pub mod supervisor;
 #[cfg(test)]
 mod testing;

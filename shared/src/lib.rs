@@ -48,6 +48,7 @@ pub mod limits;
 pub mod linescan;
 pub mod monitor;
 pub mod rig;
+pub mod service;
 pub mod status;
 #[cfg(test)]
 pub(crate) mod testing;

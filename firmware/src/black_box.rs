@@ -1,0 +1,1 @@
+//! What happened around a stop, for people who ask afterwards.

@@ -1,0 +1,1 @@
+//! Faults and stops that are remembered across resets.

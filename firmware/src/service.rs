@@ -1,0 +1,1 @@
+//! What a service technician may change, and when.

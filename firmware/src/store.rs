@@ -1,0 +1,1 @@
+//! The stored rig: old or new, never a mixture.

@@ -1,0 +1,1 @@
+//! Service requests and their answers on the wire.
