@@ -58,9 +58,9 @@ pub enum StateCode {
 }
 
 impl StateCode {
-    const ALL: [Self; 5] = [Self::SelfTest, Self::Interlocked, Self::Running, Self::Stopped, Self::Lockout];
+    pub(crate) const ALL: [Self; 5] = [Self::SelfTest, Self::Interlocked, Self::Running, Self::Stopped, Self::Lockout];
 
-    const fn code(self) -> u8 {
+    pub(crate) const fn code(self) -> u8 {
         match self {
             Self::SelfTest => 0x0F,
             Self::Interlocked => 0x33,
@@ -99,9 +99,9 @@ pub enum ResetCause {
 }
 
 impl ResetCause {
-    const ALL: [Self; 5] = [Self::PowerOn, Self::Pin, Self::Watchdog, Self::Software, Self::Unknown];
+    pub(crate) const ALL: [Self; 5] = [Self::PowerOn, Self::Pin, Self::Watchdog, Self::Software, Self::Unknown];
 
-    const fn code(self) -> u8 {
+    pub(crate) const fn code(self) -> u8 {
         match self {
             Self::PowerOn => 1,
             Self::Pin => 2,
