@@ -63,6 +63,12 @@ pub enum CaptureError {
         /// What the rig says.
         expected: ImageSize,
     },
+    /// A raw frame whose size nobody told.
+    #[error("{}: a raw frame does not tell its size; give it as --size WIDTHxHEIGHT", path.display())]
+    RawWithoutSize {
+        /// The file.
+        path: PathBuf,
+    },
     /// A raw frame whose bytes do not make a picture of the rig's size.
     #[error(
         "{}: {problem}; a raw frame has image.width x image.height x 1.5 bytes and no header",
@@ -95,13 +101,27 @@ fn extension(path: &Path) -> String {
 /// # Errors
 /// See [`CaptureError`].
 pub fn read_frame(path: &Path, expected: ImageSize) -> Result<Frame, CaptureError> {
+    read(path, Some(expected))
+}
+
+/// Reads a picture of any size. Raw frames do not tell theirs, so it must be given for them; other pictures must then
+/// have it too.
+///
+/// # Errors
+/// See [`CaptureError`].
+pub fn read_picture(path: &Path, size: Option<ImageSize>) -> Result<Frame, CaptureError> {
+    read(path, size)
+}
+
+fn read(path: &Path, expected: Option<ImageSize>) -> Result<Frame, CaptureError> {
     let bytes =
         std::fs::read(path).map_err(|source| CaptureError::Read { path: path.to_path_buf(), source })?;
     if bytes.is_empty() {
         return Err(CaptureError::Empty { path: path.to_path_buf() });
     }
     let raw = |pixels| {
-        Frame::new(expected, pixels)
+        let size = expected.ok_or_else(|| CaptureError::RawWithoutSize { path: path.to_path_buf() })?;
+        Frame::new(size, pixels)
             .map_err(|problem| CaptureError::RawSize { path: path.to_path_buf(), problem })
     };
     match extension(path).as_str() {
@@ -111,7 +131,7 @@ pub fn read_frame(path: &Path, expected: ImageSize) -> Result<Frame, CaptureErro
     }
 }
 
-fn decode(bytes: &[u8], path: &Path, expected: ImageSize) -> Result<Frame, CaptureError> {
+fn decode(bytes: &[u8], path: &Path, expected: Option<ImageSize>) -> Result<Frame, CaptureError> {
     let format = match image::guess_format(bytes) {
         Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
         _ => return Err(CaptureError::UnknownFormat { path: path.to_path_buf() }),
@@ -125,9 +145,15 @@ fn decode(bytes: &[u8], path: &Path, expected: ImageSize) -> Result<Frame, Captu
         .map_err(|error| damaged(error.to_string()))?;
     // Before anything is decoded: a wrong size must not cost the memory of a wrong picture.
     let (width, height) = decoder.dimensions();
-    if (width, height) != (u32::from(expected.width), u32::from(expected.height)) {
-        return Err(CaptureError::WrongSize { path: path.to_path_buf(), width, height, expected });
-    }
+    let actual = u16::try_from(width).ok().zip(u16::try_from(height).ok());
+    let actual = actual.map(|(width, height)| ImageSize { width, height });
+    let size = match (expected, actual) {
+        (Some(expected), actual) if actual != Some(expected) => {
+            return Err(CaptureError::WrongSize { path: path.to_path_buf(), width, height, expected });
+        }
+        (_, Some(size)) => size,
+        (_, None) => return Err(damaged(format!("{width} x {height} is larger than any camera's picture"))),
+    };
     let grey = !decoder.color_type().has_color();
     let picture = image::DynamicImage::from_decoder(decoder).map_err(|error| damaged(error.to_string()))?;
     let pixels = if grey {
@@ -135,7 +161,7 @@ fn decode(bytes: &[u8], path: &Path, expected: ImageSize) -> Result<Frame, Captu
     } else {
         Pixels::Rgb(picture.into_rgb8().into_raw())
     };
-    Frame::new(expected, pixels).map_err(|problem| damaged(problem.to_string()))
+    Frame::new(size, pixels).map_err(|problem| damaged(problem.to_string()))
 }
 
 /// Decoders fill the missing rows of a JPEG that was cut short with grey, without a word. The end marker cannot occur

@@ -11,6 +11,7 @@ macro_rules! say {
 
 pub mod demo;
 pub mod evaluate_scenes;
+pub mod extract;
 pub mod inspect;
 pub mod mcu;
 pub mod picture_report;
@@ -37,6 +38,7 @@ pub struct CommandLine {
 enum Command {
     Demo(demo::Demo),
     Inspect(inspect::Inspect),
+    Extract(extract::Extract),
     Replay(replay::Replay),
     Rig(rig::RigArguments),
     EvaluateScenes(evaluate_scenes::EvaluateScenes),
@@ -50,6 +52,7 @@ impl CommandLine {
         let result = match &self.command {
             Command::Demo(demo) => demo.run(),
             Command::Inspect(inspect) => inspect.run(),
+            Command::Extract(extract) => extract.run(),
             Command::Replay(replay) => replay.run(),
             Command::Rig(rig) => rig.run(),
             Command::EvaluateScenes(evaluate) => evaluate.run(),

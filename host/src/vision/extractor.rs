@@ -9,7 +9,7 @@ use nearfield_shared::units::SignalQuality;
 use super::floor::{FloorFinder, SURE_CONTRAST};
 use super::grid::{Grid, PictureGeometry, picture_geometry};
 use super::raised::RaisedFinder;
-use super::signal::{Brightness, RedChroma, RedMinusGreen, Signal};
+use super::signal::{Brightness, RedChroma, RedMinusGreen, RowSearch};
 use crate::capture::FrameView;
 
 /// A point of the stripe off the floor, in pixels.
@@ -114,7 +114,7 @@ impl Extractor {
         }
     }
 
-    fn extract_from<S: Signal>(&mut self, signal: S) -> Result<(), ForeignFrame> {
+    fn extract_from<S: RowSearch>(&mut self, signal: S) -> Result<(), ForeignFrame> {
         let (width, height) = (usize::from(self.size.width), usize::from(self.size.height));
         if (signal.columns(), signal.rows()) != (width / S::STEP, height / S::STEP) {
             return Err(ForeignFrame { columns: signal.columns(), rows: signal.rows(), rig: self.size });

@@ -180,8 +180,8 @@ impl<S: Signal> Signal for Averaged<'_, S> {
         self.signal.is_clipped(column, row)
     }
 
-    fn raise(&self, row: usize, first: usize, tag: u16, keys: &mut [u16]) {
-        self.signal.raise(row, first, tag, keys);
+    fn glow(&self, column: usize, row: usize) -> i16 {
+        self.signal.glow(column, row)
     }
 }
 

@@ -13,6 +13,7 @@ pub mod peak;
 pub mod profile;
 pub mod raised;
 pub mod signal;
+pub mod unrigged;
 
 pub use analysis::{Analyser, StripeObject};
 pub use extractor::{Extractor, ForeignFrame, OffFloorPoint};

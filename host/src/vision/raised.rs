@@ -8,7 +8,7 @@
 use super::floor::{FloorColumn, FloorFinder, is_fringe};
 use super::grid::{Grid, PictureGeometry};
 use super::peak::{self, Peak};
-use super::signal::{SEGMENT_BITS, SEGMENT_ROWS, Signal};
+use super::signal::{RowSearch, SEGMENT_BITS, SEGMENT_ROWS, Signal};
 
 /// Length of the stretches in which rays are counted, millimetres.
 const RAY_BIN_MM: f32 = 0.5;
@@ -95,7 +95,7 @@ impl RaisedFinder {
     }
 
     /// Looks at one frame, in which `floor` is lit.
-    pub fn find<S: Signal>(
+    pub fn find<S: RowSearch>(
         &mut self,
         signal: S,
         grid: &Grid,
@@ -113,7 +113,7 @@ impl RaisedFinder {
     }
 
     /// The strongest sample of each column in each segment of rows.
-    fn collect_seeds<S: Signal>(&mut self, signal: S, grid: &Grid) {
+    fn collect_seeds<S: RowSearch>(&mut self, signal: S, grid: &Grid) {
         let width = grid.columns().len();
         self.keys.fill(0);
         for (segment, (range, keys)) in

@@ -35,10 +35,49 @@ pub trait Signal: Copy {
     /// core of a stripe, the whiter it looks.
     fn is_clipped(&self, column: usize, row: usize) -> bool;
 
+    /// Brightness of one sample in the laser's own colour, 0 to 255; zero beyond the picture. The laser adds light, so it
+    /// rises here; red pigment only takes other colours away.
+    fn glow(&self, column: usize, row: usize) -> i16;
+}
+
+/// A signal that can be searched row by row, as it lies in memory.
+pub trait RowSearch: Signal {
     /// For the columns from `first` on, one for each of `keys`: raises `key` to `strength << SEGMENT_BITS | tag`,
-    /// strength being coarse (8 bits, monotonic in [`Self::value`]). A row-by-row maximum over many rows costs one
+    /// strength being coarse (8 bits, monotonic in [`Signal::value`]). A row-by-row maximum over many rows costs one
     /// pass at the speed of memory.
     fn raise(&self, row: usize, first: usize, tag: u16, keys: &mut [u16]);
+}
+
+/// A picture turned by its diagonal: its rows are the columns. For stripes that run down the picture.
+#[derive(Debug, Clone, Copy)]
+pub struct Transposed<S>(pub S);
+
+impl<S: Signal> Signal for Transposed<S> {
+    const STEP: usize = S::STEP;
+
+    fn columns(&self) -> usize {
+        self.0.rows()
+    }
+
+    fn rows(&self) -> usize {
+        self.0.columns()
+    }
+
+    fn value(&self, column: usize, row: usize) -> i16 {
+        self.0.value(row, column)
+    }
+
+    fn tone(&self, column: usize, row: usize) -> i16 {
+        self.0.tone(row, column)
+    }
+
+    fn is_clipped(&self, column: usize, row: usize) -> bool {
+        self.0.is_clipped(row, column)
+    }
+
+    fn glow(&self, column: usize, row: usize) -> i16 {
+        self.0.glow(row, column)
+    }
 }
 
 /// From here on a channel counts as clipped: noise reduction and JPEG move 255 by a few steps.
@@ -80,6 +119,12 @@ impl Signal for RedMinusGreen<'_> {
         self.0.row(row).get(3 * column).is_some_and(|red| i16::from(*red) >= CLIPPED)
     }
 
+    fn glow(&self, column: usize, row: usize) -> i16 {
+        self.0.row(row).get(3 * column).copied().map_or(0, i16::from)
+    }
+}
+
+impl RowSearch for RedMinusGreen<'_> {
     fn raise(&self, row: usize, first: usize, tag: u16, keys: &mut [u16]) {
         let pixels = self.0.row(row).get(3 * first..).unwrap_or(&[]);
         for (pixel, key) in pixels.chunks_exact(3).zip(keys) {
@@ -119,6 +164,12 @@ impl Signal for Brightness<'_> {
         false
     }
 
+    fn glow(&self, column: usize, row: usize) -> i16 {
+        self.0.row(row).get(column).copied().map_or(0, i16::from)
+    }
+}
+
+impl RowSearch for Brightness<'_> {
     fn raise(&self, row: usize, first: usize, tag: u16, keys: &mut [u16]) {
         for (strength, key) in self.0.row(row).get(first..).unwrap_or(&[]).iter().zip(keys) {
             raise_key(key, *strength, tag);
@@ -167,6 +218,14 @@ impl<const PITCH: usize, const OFFSET: usize> Signal for RedChroma<'_, PITCH, OF
         i16::from(*luma) + (i16::from(*red) - 128) * 7 / 5 >= CLIPPED
     }
 
+    fn glow(&self, column: usize, row: usize) -> i16 {
+        let sample = self.red.row(row).get(PITCH * column + OFFSET);
+        let (Some(red), Some(luma)) = (sample, self.luma.row(2 * row).get(2 * column)) else { return 0 };
+        (i16::from(*luma) + (i16::from(*red) - 128) * 7 / 5).clamp(0, 255)
+    }
+}
+
+impl<const PITCH: usize, const OFFSET: usize> RowSearch for RedChroma<'_, PITCH, OFFSET> {
     fn raise(&self, row: usize, first: usize, tag: u16, keys: &mut [u16]) {
         let samples = self.red.row(row).get(PITCH * first..).unwrap_or(&[]);
         for (sample, key) in samples.chunks_exact(PITCH).zip(keys) {
@@ -181,7 +240,7 @@ mod tests {
     use crate::capture::{Frame, FrameView, Pixels};
     use nearfield_shared::rig::ImageSize;
 
-    fn check<S: Signal>(signal: S, stripe: i16, ground: i16) {
+    fn check<S: RowSearch>(signal: S, stripe: i16, ground: i16) {
         let (column, row) = (6 / S::STEP, 4 / S::STEP);
         assert!((signal.value(column, row) - stripe).abs() <= 3, "{}", signal.value(column, row));
         assert!((signal.value(column, 0) - ground).abs() <= 3, "{}", signal.value(column, 0));

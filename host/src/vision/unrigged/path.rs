@@ -1,0 +1,179 @@
+//! The one line through the candidates that a stripe can have made: by dynamic programming over the columns.
+//!
+//! In each column the line passes one candidate or none. Strong candidates earn, weak ones cost; going on smoothly is
+//! free, jumping costs, so that only stretches over several columns pay for the jumps to and from them. Stretches that
+//! are too short are dropped, and what is left must be long enough to be a stripe.
+
+use super::candidates::{Candidate, Candidates};
+use crate::vision::peak;
+use crate::vision::signal::Signal;
+
+/// Significance that earns nothing.
+const NEUTRAL_SIGNIFICANCE: f32 = 5.0;
+/// What a candidate can earn at most, and what a weak one costs at most.
+const EARNINGS: std::ops::RangeInclusive<f32> = -1.0..=1.5;
+/// Cost of a sample of movement from one column to the next, beyond the first: a stripe may run at 45 degrees.
+const STEP_COST: f32 = 0.35;
+const FREE_STEP: f32 = 1.0;
+/// Cost of a jump, and of beginning or ending a stretch.
+const JUMP_COST: f32 = 3.0;
+/// Columns that a stretch may miss without ending.
+const HOLE: usize = 4;
+/// A stretch is at least this many columns ...
+const SHORTEST_STRETCH: usize = 6;
+/// ... and this share of the picture.
+const SHORTEST_STRETCH_SHARE: f32 = 0.012;
+/// The stretches together are at least this share of the picture, ...
+const LEAST_COVER: f32 = 0.2;
+/// ... and the longest at least this one.
+const LONGEST_STRETCH_SHARE: f32 = 0.06;
+/// A stretch's points lie within this of a smooth line (root of the mean square, samples); texture does not.
+const ROUGHEST: f32 = 1.5;
+/// A line of light is peaked by at least this, in the median of a stretch. A bell of any width has 0.07 to 0.25, paint
+/// and pipes less than 0.05.
+const LEAST_PEAKEDNESS: f32 = 0.06;
+/// ... or clipped in at least this share of its points.
+const CLIPPED_SHARE: f32 = 0.25;
+/// How far the sub-pixel measurement may look from a crest, samples.
+const MEASURE_REACH: usize = 2;
+
+/// One column's point of the line.
+#[derive(Debug, Clone, Copy)]
+struct Point {
+    column: usize,
+    candidate: Candidate,
+    row: f32,
+}
+
+/// The line: stretches of points.
+#[derive(Debug, Clone)]
+pub struct Path {
+    stretches: Vec<Vec<Point>>,
+}
+
+impl Path {
+    /// The best line, if there is one that a stripe can have made.
+    pub fn through<S: Signal>(signal: S, candidates: &Candidates) -> Option<Self> {
+        let chosen = best_line(candidates.columns());
+        let mut stretches: Vec<Vec<Point>> = Vec::new();
+        for (column, candidate) in chosen.into_iter().enumerate() {
+            let Some(candidate) = candidate else { continue };
+            let row = peak::find(signal, column, candidate.row, MEASURE_REACH, true)
+                .map_or(candidate.row as f32, |peak| peak.row);
+            let point = Point { column, candidate, row };
+            match stretches.last_mut().filter(|stretch| continues(stretch, &point)) {
+                Some(stretch) => stretch.push(point),
+                None => stretches.push(vec![point]),
+            }
+        }
+        let width = signal.columns() as f32;
+        let shortest = SHORTEST_STRETCH.max((SHORTEST_STRETCH_SHARE * width) as usize);
+        stretches.retain(|stretch| {
+            stretch.len() >= shortest && roughness(stretch) <= ROUGHEST && is_light(stretch)
+        });
+        let cover: usize = stretches.iter().map(Vec::len).sum();
+        let longest = stretches.iter().map(Vec::len).max().unwrap_or(0);
+        (cover as f32 >= LEAST_COVER * width && longest as f32 >= LONGEST_STRETCH_SHARE * width)
+            .then_some(Self { stretches })
+    }
+
+    /// What speaks for this line: its significance, summed.
+    pub fn weight(&self) -> f32 {
+        self.stretches.iter().flatten().map(|point| point.candidate.significance.min(20.0)).sum()
+    }
+
+    /// Column, row and confidence of each point, samples.
+    pub fn points(&self) -> impl Iterator<Item = (usize, f32, f32)> {
+        self.stretches
+            .iter()
+            .flatten()
+            .map(|point| (point.column, point.row, confidence(point.candidate.significance)))
+    }
+}
+
+/// Significance as a share: half at what earns nothing, and near to one at twice that.
+fn confidence(significance: f32) -> f32 {
+    let odds = (significance / NEUTRAL_SIGNIFICANCE).powi(4);
+    odds / (1.0 + odds)
+}
+
+fn continues(stretch: &[Point], point: &Point) -> bool {
+    stretch.last().is_some_and(|last| {
+        let columns = point.column - last.column;
+        columns <= HOLE + 1 && (point.row - last.row).abs() <= 1.5 + 1.5 * columns as f32
+    })
+}
+
+/// Is it brightest in its middle, as a line of light is and a painted one is not? The thinnest lines cannot tell.
+fn is_light(stretch: &[Point]) -> bool {
+    let thin = stretch.iter().filter(|point| point.candidate.half == 1).count();
+    if 2 * thin >= stretch.len() {
+        return true;
+    }
+    let clipped = stretch.iter().filter(|point| point.candidate.clipped).count();
+    let mut peakedness: Vec<f32> = stretch.iter().map(|point| point.candidate.peakedness).collect();
+    let middle = peakedness.len() / 2;
+    let (_, median, _) = peakedness.select_nth_unstable_by(middle, f32::total_cmp);
+    *median >= LEAST_PEAKEDNESS || clipped as f32 >= CLIPPED_SHARE * stretch.len() as f32
+}
+
+/// Root mean square of each point's distance from the middle of its neighbours.
+fn roughness(stretch: &[Point]) -> f32 {
+    let bends = stretch.windows(3).filter_map(|points| match points {
+        [before, here, after] => Some(here.row - (before.row + after.row) / 2.0),
+        _ => None,
+    });
+    let (sum, count) = bends.fold((0.0, 0.0), |(sum, count), bend| (sum + bend * bend, count + 1.0_f32));
+    (sum / count.max(1.0)).sqrt()
+}
+
+/// A state's best score, and the state of the column before that it comes from.
+#[derive(Clone, Copy)]
+struct Best {
+    score: f32,
+    from: usize,
+}
+
+/// For each column the candidate on the best line, `None` where it passes none. State 0 is "none", remembering nothing of
+/// where the line was: a new stretch may begin anywhere.
+fn best_line(columns: &[Vec<Candidate>]) -> Vec<Option<Candidate>> {
+    let mut history: Vec<Vec<Best>> = Vec::with_capacity(columns.len());
+    let mut scores = vec![0.0_f32];
+    let mut before: &[Candidate] = &[];
+    for candidates in columns {
+        let best_of = |cost: &dyn Fn(usize) -> f32| {
+            let mut best = Best { score: f32::MIN, from: 0 };
+            for (state, score) in scores.iter().enumerate() {
+                let total = score - cost(state);
+                if total > best.score {
+                    best = Best { score: total, from: state };
+                }
+            }
+            best
+        };
+        let mut states = vec![best_of(&|state| if state == 0 { 0.0 } else { JUMP_COST / 2.0 })];
+        for candidate in candidates {
+            let best = best_of(&|state| match state.checked_sub(1).and_then(|index| before.get(index)) {
+                None => JUMP_COST / 2.0,
+                Some(other) => {
+                    let step = candidate.row.abs_diff(other.row) as f32;
+                    (STEP_COST * (step - FREE_STEP).max(0.0)).min(JUMP_COST)
+                }
+            });
+            let earned = ((candidate.significance - NEUTRAL_SIGNIFICANCE) / NEUTRAL_SIGNIFICANCE)
+                .clamp(*EARNINGS.start(), *EARNINGS.end());
+            states.push(Best { score: best.score + earned, from: best.from });
+        }
+        scores = states.iter().map(|best| best.score).collect();
+        history.push(states);
+        before = candidates;
+    }
+    let mut state =
+        (0..scores.len()).max_by(|one, other| scores[*one].total_cmp(&scores[*other])).unwrap_or(0);
+    let mut line = vec![None; columns.len()];
+    for (index, states) in history.iter().enumerate().rev() {
+        line[index] = state.checked_sub(1).and_then(|candidate| columns[index].get(candidate)).copied();
+        state = states[state].from;
+    }
+    line
+}
