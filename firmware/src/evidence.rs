@@ -12,13 +12,40 @@ pub const SCAN_CAUSES: StopCauses = StopCauses::NONE
     .with(StopCause::StripeMissing)
     .with(StopCause::LargeObject)
     .with(StopCause::Drop)
-    .with(StopCause::HostRequest);
+    .with(StopCause::HostRequest)
+    .with(StopCause::Liveness)
+    .with(StopCause::Audit)
+    .with(StopCause::Misaligned)
+    .with(StopCause::Capability);
 
-/// What one accepted line-scan, with the votes over its predecessors, disproves.
+/// The causes among them that a laser which is off on purpose brings about (arming).
+pub const DARK_CAUSES: StopCauses = StopCauses::NONE
+    .with(StopCause::StripeCut)
+    .with(StopCause::StripeMissing)
+    .with(StopCause::LargeObject)
+    .with(StopCause::Drop)
+    .with(StopCause::Liveness);
+
+/// What one accepted line-scan, with the votes over its predecessors, disproves. Kept twice, the second time
+/// complemented: a proof that a flipped bit has made is none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Evidence {
     taken: Micros,
-    disproven: StopCauses,
+    disproven: u32,
+    complement: u32,
+}
+
+/// What other judges say of the same line-scan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Assent {
+    /// The light follows the laser's code.
+    pub live: bool,
+    /// Raw pixels bear the host's report out.
+    pub believed: bool,
+    /// The floor lies where it should.
+    pub aligned: bool,
+    /// Small objects are seen everywhere.
+    pub capable: bool,
 }
 
 impl Evidence {
@@ -28,16 +55,25 @@ impl Evidence {
         self.taken
     }
 
-    /// The causes to stop that this line-scan proves absent.
+    /// The causes to stop that this line-scan proves absent; none if the memory of them is damaged.
     #[must_use]
     pub const fn disproven(&self) -> StopCauses {
-        self.disproven
+        if self.disproven == !self.complement {
+            StopCauses::from_bits(self.disproven)
+        } else {
+            StopCauses::NONE
+        }
+    }
+
+    /// All of it, for the check of the controller's memory.
+    pub(crate) fn words(&self) -> [u64; 2] {
+        [self.taken.get(), u64::from(self.disproven) << 32 | u64::from(self.complement)]
     }
 
     /// The causes that it leaves standing.
     #[must_use]
     pub fn standing(&self) -> StopCauses {
-        self.disproven.iter().fold(SCAN_CAUSES, StopCauses::without)
+        self.disproven().iter().fold(SCAN_CAUSES, StopCauses::without)
     }
 }
 
@@ -60,8 +96,19 @@ impl Judge {
         *self = Self::new();
     }
 
+    /// All of it, for the check of the controller's memory.
+    pub(crate) fn word(&self) -> u64 {
+        self.no_drop.iter().fold(1, |word, proven| (word << 8) | if *proven { 0xA5 } else { 0x5A })
+    }
+
     /// What this line-scan proves.
-    pub fn judge(&mut self, now: Micros, report: &StripeReport, verdict: HostVerdict) -> Evidence {
+    pub fn judge(
+        &mut self,
+        now: Micros,
+        report: &StripeReport,
+        verdict: HostVerdict,
+        assent: Assent,
+    ) -> Evidence {
         self.no_drop.rotate_right(1);
         if let Some(newest) = self.no_drop.first_mut() {
             // A depth that is not a number proves nothing.
@@ -73,8 +120,13 @@ impl Judge {
             .with_if(StopCause::StripeMissing, !report.is_stripe_missing())
             .with_if(StopCause::LargeObject, !report.large)
             .with_if(StopCause::Drop, proofs.saturating_mul(2) > VOTE_FRAMES)
-            .with_if(StopCause::HostRequest, is_free_of_objection(verdict));
-        Evidence { taken: now, disproven }
+            .with_if(StopCause::HostRequest, is_free_of_objection(verdict))
+            .with_if(StopCause::Liveness, assent.live)
+            .with_if(StopCause::Audit, assent.believed)
+            .with_if(StopCause::Misaligned, assent.aligned)
+            .with_if(StopCause::Capability, assent.capable)
+            .bits();
+        Evidence { taken: now, disproven, complement: !disproven }
     }
 }
 
@@ -99,6 +151,8 @@ mod tests {
     use nearfield_shared::height::{Extreme, Heights};
     use nearfield_shared::units::Millimetres;
 
+    const ASSENT: Assent = Assent { live: true, believed: true, aligned: true, capable: true };
+
     /// A whole stripe on flat floor.
     fn whole() -> StripeReport {
         StripeReport {
@@ -115,7 +169,7 @@ mod tests {
     }
 
     fn standing(judge: &mut Judge, report: &StripeReport, verdict: HostVerdict) -> StopCauses {
-        let evidence = judge.judge(Micros::new(9), report, verdict);
+        let evidence = judge.judge(Micros::new(9), report, verdict, ASSENT);
         assert_eq!(evidence.taken(), Micros::new(9));
         assert_eq!(evidence.standing().union(evidence.disproven()), SCAN_CAUSES, "each cause is on one side");
         evidence.standing()
@@ -156,6 +210,41 @@ mod tests {
         let large = StripeReport { large: true, ..whole() };
         assert_eq!(settled(&large, HostVerdict::Clear), only(StopCause::LargeObject));
         assert!(settled(&StripeReport::default(), HostVerdict::Clear).contains(StopCause::StripeCut));
+    }
+
+    #[test]
+    fn each_judge_that_does_not_assent_has_its_cause() {
+        let cases = [
+            (Assent { live: false, ..ASSENT }, StopCause::Liveness),
+            (Assent { believed: false, ..ASSENT }, StopCause::Audit),
+            (Assent { aligned: false, ..ASSENT }, StopCause::Misaligned),
+            (Assent { capable: false, ..ASSENT }, StopCause::Capability),
+        ];
+        for (assent, cause) in cases {
+            let mut judge = Judge::new();
+            let judged = [0; 3].map(|_| judge.judge(Micros::ZERO, &whole(), HostVerdict::Clear, assent));
+            assert_eq!(judged[2].standing(), only(cause));
+        }
+    }
+
+    #[test]
+    fn evidence_that_was_damaged_in_memory_proves_nothing() {
+        let mut judge = Judge::new();
+        let good = [0; 3].map(|_| judge.judge(Micros::ZERO, &whole(), HostVerdict::Clear, ASSENT))[2];
+        assert_eq!(good.standing(), StopCauses::NONE);
+        for bit in 0..32 {
+            let damaged = [
+                Evidence { disproven: good.disproven ^ (1 << bit), ..good },
+                Evidence { complement: good.complement ^ (1 << bit), ..good },
+            ];
+            for evidence in damaged {
+                assert_eq!(evidence.disproven(), StopCauses::NONE);
+                assert_eq!(evidence.standing(), SCAN_CAUSES);
+            }
+        }
+        let all_zero = Evidence { taken: Micros::ZERO, disproven: 0, complement: 0 };
+        let all_one = Evidence { taken: Micros::ZERO, disproven: u32::MAX, complement: u32::MAX };
+        assert_eq!([all_zero, all_one].map(|evidence| evidence.disproven()), [StopCauses::NONE; 2]);
     }
 
     #[test]

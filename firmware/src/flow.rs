@@ -9,7 +9,9 @@ use nearfield_shared::units::Micros;
 /// What every tick does, in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Checkpoint {
-    /// Contacts and button were read and judged.
+    /// The memory that the decision rests on, and the self-tests' word, were judged.
+    Memory,
+    /// Contacts, drivers and button were read and judged.
     Inputs,
     /// The link's age was judged.
     Link,
@@ -75,12 +77,19 @@ impl FlowMonitor {
     /// The task passes a checkpoint.
     pub fn pass(&mut self, checkpoint: Checkpoint) {
         let in_order = match checkpoint {
-            Checkpoint::Inputs => self.progress == Progress::Begun,
+            Checkpoint::Memory => self.progress == Progress::Begun,
+            Checkpoint::Inputs => self.progress == Progress::Passed(Checkpoint::Memory),
             Checkpoint::Link => self.progress == Progress::Passed(Checkpoint::Inputs),
             Checkpoint::Decision => self.progress == Progress::Passed(Checkpoint::Link),
             Checkpoint::Command => self.progress == Progress::Passed(Checkpoint::Decision),
         };
         self.progress = if in_order { Progress::Passed(checkpoint) } else { Progress::Broken };
+    }
+
+    /// When the last tick began.
+    #[must_use]
+    pub const fn last_begin(&self) -> Option<Micros> {
+        self.last_begin
     }
 
     /// Is this tick on time and in order so far?
@@ -107,8 +116,8 @@ impl Default for FlowMonitor {
 mod tests {
     use super::*;
 
-    const ORDER: [Checkpoint; 4] =
-        [Checkpoint::Inputs, Checkpoint::Link, Checkpoint::Decision, Checkpoint::Command];
+    const ORDER: [Checkpoint; 5] =
+        [Checkpoint::Memory, Checkpoint::Inputs, Checkpoint::Link, Checkpoint::Decision, Checkpoint::Command];
 
     fn tick(monitor: &mut FlowMonitor, now: Micros, checkpoints: &[Checkpoint]) -> bool {
         monitor.begin(now);
@@ -141,14 +150,14 @@ mod tests {
         assert!(!second_tick_after(Micros::ZERO, -1));
     }
 
-    /// Of all sequences of up to five checkpoints exactly one yields a permit.
+    /// Of all sequences of up to six checkpoints exactly one yields a permit.
     #[test]
     fn only_the_complete_sequence_in_order_yields_a_permit() {
         let mut permitted = Vec::new();
-        for length in 0..=5_u32 {
-            for code in 0..4_usize.pow(length) {
+        for length in 0..=6_u32 {
+            for code in 0..5_usize.pow(length) {
                 let sequence: Vec<_> =
-                    (0..length).map(|place| ORDER[code / 4_usize.pow(place) % 4]).collect();
+                    (0..length).map(|place| ORDER[code / 5_usize.pow(place) % 5]).collect();
                 if tick(&mut FlowMonitor::new(), Micros::ZERO, &sequence) {
                     permitted.push(sequence);
                 }

@@ -71,6 +71,16 @@ impl ResetButton {
         ButtonReport { reset, stuck: self.is_stuck(now) }
     }
 
+    /// All of it, for the check of the controller's memory.
+    pub(crate) fn words(&self) -> [u64; 2] {
+        match self.press {
+            Press::Released => [0x0F, 0],
+            Press::Pressed { since } => [0x33, since.get()],
+            Press::Void { since: Some(since) } => [0x55, since.get()],
+            Press::Void { since: None } => [0x69, 0],
+        }
+    }
+
     fn is_stuck(&self, now: Micros) -> bool {
         match self.press {
             Press::Released | Press::Void { since: None } => false,

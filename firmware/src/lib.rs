@@ -46,15 +46,24 @@
     )
 )]
 
+pub mod arming;
+pub mod audit;
 pub mod black_box;
 pub mod evidence;
 pub mod fault_log;
 pub mod flow;
+pub mod health;
+pub mod integrity;
 pub mod interlock;
+pub mod laser_code;
 pub mod link;
+pub mod liveness;
 pub mod lockstep;
+pub mod map_check;
+pub mod output_test;
 pub mod relay;
 pub mod safety;
+pub mod secret;
 pub mod selftest;
 pub mod service;
 pub mod store;

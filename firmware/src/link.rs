@@ -15,22 +15,23 @@
 //! A line-scan names the last status that the host had received. It was therefore put together after that status went
 //! out, so "now minus then" bounds its age by a clock that the host cannot touch. A replayed recording fails on it.
 //!
-//! **One refused message stops at once and the stop latches.** A later good message does not excuse it: a link that
-//! lets a wrong message through is not understood. The price is availability: one bit error on the wire means a walk
-//! to the reset button. With a CRC of Hamming distance 6 over a few centimetres of SPI that is a sign of damage, not
-//! of bad luck. A line-scan that is merely *missing* is tolerated once; [`LINK_TIMEOUT`] bounds it.
+//! **A refused message is never used; the second one within [`LINK_ERROR_INTERVAL`] stops, and the stop latches.** A
+//! single one is discarded like a lost one: what was proven before ages, and stops at [`LINK_TIMEOUT`]. A later good
+//! message does not excuse the second: a link that lets two wrong messages through in a minute is not understood, and
+//! somebody must acknowledge that with the reset button.
 //!
 //! ```text
 //!              first good line-scan            HEALTHY_STREAK good ones in a row
 //!  Unhealthy ----------------------> Unhealthy ---------------------------------> Healthy
 //!      ^                                                                             |
 //!      +-----------------------------------------------------------------------------+
-//!                 any refusal, or no good line-scan for LINK_TIMEOUT
+//!       a second refusal within LINK_ERROR_INTERVAL, or no good line-scan for LINK_TIMEOUT
 //! ```
 
 use nearfield_shared::causes::{StopCause, StopCauses};
 use nearfield_shared::limits::{
-    HEALTHY_STREAK, LARGEST_SEQUENCE_STEP, LINK_TIMEOUT, LONGEST_CAPTURE_AGE, LONGEST_MESSAGE_AGE,
+    HEALTHY_STREAK, LARGEST_SEQUENCE_STEP, LINK_ERROR_INTERVAL, LINK_TIMEOUT, LONGEST_CAPTURE_AGE,
+    LONGEST_MESSAGE_AGE,
 };
 use nearfield_shared::linescan::{LineScan, LineScanError};
 use nearfield_shared::status::REFUSAL_KINDS;
@@ -139,6 +140,15 @@ pub struct LinkCounts {
     pub refused: [u32; REFUSAL_KINDS],
 }
 
+/// A message that is not believed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Refused {
+    /// Why.
+    pub refusal: Refusal,
+    /// Is it the first in a long time, and therefore only discarded?
+    pub tolerated: bool,
+}
+
 /// An accepted line-scan.
 #[derive(Debug, Clone, Copy)]
 pub struct Accepted<'a> {
@@ -161,6 +171,7 @@ pub struct Receiver {
     sequence: Option<SequenceNumber>,
     echoed: SequenceNumber,
     last_accepted: Option<Micros>,
+    last_refused: Option<Micros>,
     streak: u32,
     faults: StopCauses,
     counts: LinkCounts,
@@ -178,6 +189,7 @@ impl Receiver {
             sequence: None,
             echoed: SequenceNumber::new(0),
             last_accepted: None,
+            last_refused: None,
             streak: 0,
             faults: StopCauses::NONE.with(StopCause::LinkTimeout),
             counts: LinkCounts { accepted: 0, refused: [0; REFUSAL_KINDS] },
@@ -193,7 +205,7 @@ impl Receiver {
     ///
     /// # Errors
     /// The first measure that it fails, in the order of the module's table.
-    pub fn receive<'a>(&mut self, now: Micros, message: &'a [u8]) -> Result<Accepted<'a>, Refusal> {
+    pub fn receive<'a>(&mut self, now: Micros, message: &'a [u8]) -> Result<Accepted<'a>, Refused> {
         self.expire(now);
         match self.check(now, message) {
             Ok((scan, age)) => {
@@ -201,10 +213,7 @@ impl Receiver {
                 self.accept(now, scan.header().sequence);
                 Ok(Accepted { scan, age, after_silence })
             }
-            Err(refusal) => {
-                self.refuse(refusal);
-                Err(refusal)
-            }
+            Err(refusal) => Err(Refused { refusal, tolerated: self.refuse(now, refusal) }),
         }
     }
 
@@ -212,7 +221,7 @@ impl Receiver {
     pub fn expire(&mut self, now: Micros) {
         if self.last_accepted.is_some_and(|at| now.since(at) > LINK_TIMEOUT) {
             self.last_accepted = None;
-            self.refuse(Refusal::Timeout);
+            self.hold(Refusal::Timeout);
         }
     }
 
@@ -226,6 +235,20 @@ impl Receiver {
     #[must_use]
     pub const fn counts(&self) -> LinkCounts {
         self.counts
+    }
+
+    /// What it rests on, for the check of the controller's memory.
+    pub(crate) fn words(&self) -> impl Iterator<Item = u64> + '_ {
+        let time = |at: Option<Micros>| at.map_or(u64::MAX, Micros::get);
+        let sent = self.sent.sent.iter().flatten().flat_map(|(number, at)| [u64::from(*number), at.get()]);
+        let identity =
+            u64::from(self.source.get()) << 32 | u64::from(self.calibration.map_or(0, CalibrationId::get));
+        let sequence = self.sequence.map_or(u64::MAX, |number| u64::from(number.get()));
+        let trust = u64::from(self.streak) << 32 | u64::from(self.faults.bits());
+        let columns = u64::try_from(self.columns).unwrap_or(u64::MAX);
+        [identity, columns, sequence, trust, time(self.last_accepted), time(self.last_refused)]
+            .into_iter()
+            .chain(sent)
     }
 
     /// The last accepted line-scan's number.
@@ -275,9 +298,31 @@ impl Receiver {
         }
     }
 
-    fn refuse(&mut self, refusal: Refusal) {
+    /// Counts a refused message; `true` if it is the first one in a long time.
+    fn refuse(&mut self, now: Micros, refusal: Refusal) -> bool {
+        let tolerated = !self.has_refused_lately(now);
+        self.last_refused = Some(now);
+        if tolerated {
+            self.count(refusal);
+        } else {
+            self.hold(refusal);
+        }
+        tolerated
+    }
+
+    /// Was a message refused within the last interval? The next one stops.
+    #[must_use]
+    pub fn has_refused_lately(&self, now: Micros) -> bool {
+        self.last_refused.is_some_and(|at| now.since(at) <= LINK_ERROR_INTERVAL)
+    }
+
+    fn hold(&mut self, refusal: Refusal) {
         self.streak = 0;
         self.faults = self.faults.with(refusal.cause());
+        self.count(refusal);
+    }
+
+    fn count(&mut self, refusal: Refusal) {
         for (count, kind) in self.counts.refused.iter_mut().zip(Refusal::ALL) {
             if kind == refusal {
                 *count = count.saturating_add(1);
@@ -314,7 +359,7 @@ mod tests {
     }
 
     fn verdict(receiver: &mut Receiver, now: Micros, bytes: &[u8]) -> Option<Refusal> {
-        receiver.receive(now, bytes).err()
+        receiver.receive(now, bytes).err().map(|refused| refused.refusal)
     }
 
     /// A receiver that has accepted sequence numbers 10, 11 and 12 and is healthy.
@@ -340,14 +385,14 @@ mod tests {
         assert_eq!(receiver.echoed_sequence(), SequenceNumber::new(HEALTHY_STREAK));
     }
 
-    #[test]
-    fn every_refusal_has_its_name_its_counter_and_begins_the_streak_anew() {
+    /// Every way in which a message can be refused, told to a healthy receiver.
+    fn wrong_messages() -> [(Refusal, Vec<u8>); 9] {
         let wrong = |change: fn(LineScanHeader) -> LineScanHeader| bytes(&change(header(13, 1, CALIBRATION)));
         let mut damaged = good(13, 1);
         damaged[500] ^= 1;
         let mut other_magic = good(13, 1);
         other_magic[0] = b'X';
-        let cases = [
+        [
             (Refusal::Corruption, damaged),
             (Refusal::Format, good(13, 1)[..100].to_vec()),
             (Refusal::Corruption, other_magic),
@@ -360,15 +405,46 @@ mod tests {
             (Refusal::Sequence, good(11, 1)),
             (Refusal::Sequence, good(15, 1)),
             (Refusal::Delay, good(13, 2)),
-        ];
-        for (expected, bytes) in cases {
+        ]
+    }
+
+    fn counts_of(kind: Refusal, count: u32) -> [u32; REFUSAL_KINDS] {
+        Refusal::ALL.map(|other| if other == kind { count } else { 0 })
+    }
+
+    #[test]
+    fn a_single_refusal_is_counted_and_discarded() {
+        for (expected, bytes) in wrong_messages() {
             let mut receiver = healthy();
-            assert_eq!(verdict(&mut receiver, START, &bytes), Some(expected));
+            assert!(!receiver.has_refused_lately(START));
+            let refused = receiver.receive(START, &bytes).err();
+            assert_eq!(refused, Some(Refused { refusal: expected, tolerated: true }));
+            assert!(receiver.faults().is_empty() && receiver.has_refused_lately(START));
+            assert_eq!(receiver.counts().refused, counts_of(expected, 1));
+            assert_eq!(receiver.counts().accepted, 3, "and never used");
+            let next = if expected == Refusal::Sequence { 16 } else { 14 };
+            let next = if bytes == good(11, 1) { 12 } else { next };
+            assert_eq!(
+                verdict(&mut receiver, START, &good(next, 1)),
+                None,
+                "{expected:?}: the next good one counts"
+            );
+        }
+    }
+
+    #[test]
+    fn a_second_refusal_stops_with_its_name_and_begins_the_streak_anew() {
+        for (expected, bytes) in wrong_messages() {
+            let mut receiver = healthy();
+            let mut damaged = good(13, 1);
+            damaged[501] ^= 1;
+            assert!(
+                receiver.receive(START, &damaged).is_err_and(|refused| refused.tolerated),
+                "the first one"
+            );
+            let refused = receiver.receive(START, &bytes).err();
+            assert_eq!(refused, Some(Refused { refusal: expected, tolerated: false }));
             assert_eq!(receiver.faults(), StopCauses::NONE.with(expected.cause()));
-            let counts = receiver.counts().refused;
-            for (kind, count) in Refusal::ALL.into_iter().zip(counts) {
-                assert_eq!(count, u32::from(kind == expected), "{kind:?}");
-            }
             for sequence in 20..23 {
                 assert!(!receiver.faults().is_empty());
                 // After a wrong number the next good one may itself be out of order; the streak counts from there.
@@ -376,6 +452,20 @@ mod tests {
             }
             assert_eq!(verdict(&mut receiver, START, &good(23, 1)), None);
             assert!(receiver.faults().is_empty(), "{expected:?}: it recovers");
+        }
+    }
+
+    #[test]
+    fn a_second_refusal_counts_as_one_within_the_interval() {
+        for (change, tolerated) in [(-1, false), (0, false), (1, true)] {
+            let mut receiver = healthy();
+            let mut damaged = good(13, 1);
+            damaged[500] ^= 1;
+            assert!(receiver.receive(START, &damaged).is_err_and(|refused| refused.tolerated));
+            let later = Micros::new(START.plus(LINK_ERROR_INTERVAL).get().saturating_add_signed(change));
+            assert_eq!(receiver.has_refused_lately(later), !tolerated);
+            let refused = receiver.receive(later, &damaged);
+            assert!(refused.is_err_and(|refused| refused.tolerated == tolerated), "{change}");
         }
     }
 

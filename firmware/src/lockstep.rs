@@ -6,18 +6,20 @@
 //! | offset | field |
 //! |---|---|
 //! | 0 | kind u8: 1 start, 2 tick, 3 exchange, 4 hang |
-//! | 1 | pins u8: bit 0 mirror contact A, bit 1 mirror contact B, bit 2 reset button |
+//! | 1 | pins u8: bits 0, 1 mirror contacts A, B, bit 2 reset button, bit 3 service key, bits 4, 5 coils A, B read back |
 //! | 2 | length of the payload u16 |
-//! | 4 | zero u32 |
+//! | 4 | pulse u8: bit 0 there was one, bit 1 it was channel B's, bits 2, 3 coils A, B during it |
+//! | 5 | self-tests u8: 0 passed, 1 pending, else the code of the one that failed |
+//! | 6 | zero u16 |
 //! | 8 | the host's time, microseconds u64 |
-//! | 16 | payload: the stored rig (start) or a line-scan (exchange; empty = none) |
+//! | 16 | payload: the secret (16 bytes) and the stored rig (start), or a line-scan (exchange; empty = none) |
 //!
 //! Every request but `hang` has one reply of [`REPLY_LENGTH`] bytes:
 //!
 //! | offset | field |
 //! |---|---|
 //! | 0 | the request's kind u8 |
-//! | 1 | coils u8: bit 0 channel A, bit 1 channel B |
+//! | 1 | outputs u8: bits 0, 1 coils A, B, bit 2 warning, bits 3, 4 pulse test on A, B |
 //! | 2 | laser level u8 |
 //! | 3 | indicator u8 |
 //! | 4 | a watchdog was fed u8 (0 or 1), zero u8, zero u16 |
@@ -26,8 +28,10 @@
 //! `hang` makes the controller loop for ever without feeding its watchdog. Only the emulator's binary obeys it; on
 //! the board there is no such record.
 
+use crate::output_test::{Channel, PulseReadback};
 use crate::relay::MirrorContacts;
-use crate::safety::{Indicator, Outputs, PinInputs};
+use crate::safety::{Indicator, Outputs, PinInputs, TickInputs};
+use crate::selftest::{SelfTestKind, SelfTestReport};
 use nearfield_shared::limits::LARGEST_TRANSFER;
 use nearfield_shared::status::{Channels, STATUS_LENGTH};
 use nearfield_shared::units::Micros;
@@ -38,13 +42,70 @@ pub const REQUEST_HEADER_LENGTH: usize = 16;
 pub const REPLY_LENGTH: usize = REPLY_HEADER_LENGTH + STATUS_LENGTH;
 const REPLY_HEADER_LENGTH: usize = 8;
 
+/// What the simulated hardware's self-tests say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SimulatedSelfTest {
+    /// All has just passed.
+    #[default]
+    Passed,
+    /// The start is not through yet.
+    Pending,
+    /// This one has failed.
+    Failed(SelfTestKind),
+}
+
+impl SimulatedSelfTest {
+    /// As the controller takes it.
+    #[must_use]
+    pub const fn report(self, now: Micros) -> SelfTestReport {
+        match self {
+            Self::Passed => SelfTestReport::passed(now),
+            Self::Pending => SelfTestReport::PENDING,
+            Self::Failed(kind) => SelfTestReport { failed: Some(kind), ..SelfTestReport::passed(now) },
+        }
+    }
+
+    const fn code(self) -> u8 {
+        match self {
+            Self::Passed => 0,
+            Self::Pending => 1,
+            Self::Failed(kind) => kind.code(),
+        }
+    }
+
+    fn from_code(code: u8) -> Option<Self> {
+        match code {
+            0 => Some(Self::Passed),
+            1 => Some(Self::Pending),
+            _ => SelfTestKind::from_code(code).map(Self::Failed),
+        }
+    }
+}
+
+/// What a simulated tick takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct SimulatedTick {
+    /// The pins.
+    pub pins: PinInputs,
+    /// The self-tests.
+    pub self_test: SimulatedSelfTest,
+}
+
+impl SimulatedTick {
+    /// As the controller takes it.
+    #[must_use]
+    pub const fn inputs(self, now: Micros) -> TickInputs {
+        TickInputs { pins: self.pins, self_test: self.self_test.report(now) }
+    }
+}
+
 /// What the host asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Request {
-    /// The chip comes out of reset; the payload is the stored rig.
+    /// The chip comes out of reset; the payload is the secret and the stored rig.
     Start,
-    /// A tick of the safety task with these pins.
-    Tick(PinInputs),
+    /// A tick of the safety task with these pins and self-tests.
+    Tick(SimulatedTick),
     /// An exchange; the payload is the line-scan, empty = none.
     Exchange,
     /// Loop for ever.
@@ -78,15 +139,17 @@ impl RequestHeader {
     /// The bytes to send.
     #[must_use]
     pub fn to_bytes(&self) -> [u8; REQUEST_HEADER_LENGTH] {
-        let (kind, pins) = match self.request {
-            Request::Start => (1, 0),
-            Request::Tick(pins) => (2, pins_to_bits(pins)),
-            Request::Exchange => (3, 0),
-            Request::Hang => (4, 0),
+        let (kind, pins, pulse, self_test) = match self.request {
+            Request::Start => (1, 0, 0, 0),
+            Request::Tick(tick) => {
+                (2, pins_to_bits(tick.pins), pulse_to_bits(tick.pins.pulse), tick.self_test.code())
+            }
+            Request::Exchange => (3, 0, 0, 0),
+            Request::Hang => (4, 0, 0, 0),
         };
         let [low, high] = self.payload_length.to_le_bytes();
         let [t0, t1, t2, t3, t4, t5, t6, t7] = self.now.get().to_le_bytes();
-        [kind, pins, low, high, 0, 0, 0, 0, t0, t1, t2, t3, t4, t5, t6, t7]
+        [kind, pins, low, high, pulse, self_test, 0, 0, t0, t1, t2, t3, t4, t5, t6, t7]
     }
 
     /// Reads a header.
@@ -94,16 +157,20 @@ impl RequestHeader {
     /// # Errors
     /// An unknown kind, a payload that is too long or stands where none belongs, or set bits that mean nothing.
     pub fn parse(bytes: &[u8; REQUEST_HEADER_LENGTH]) -> Result<Self, MalformedRecord> {
-        let [kind, pins, low, high, z0, z1, z2, z3, time @ ..] = *bytes;
+        let [kind, pins, low, high, pulse, self_test, z0, z1, time @ ..] = *bytes;
         let payload_length = u16::from_le_bytes([low, high]);
-        let request = match (kind, pins, payload_length) {
-            (1, 0, _) => Request::Start,
-            (2, 0..=7, 0) => Request::Tick(pins_from_bits(pins)),
-            (3, 0, _) => Request::Exchange,
-            (4, 0, 0) => Request::Hang,
+        let request = match (kind, [pins, pulse, self_test], payload_length) {
+            (1, [0, 0, 0], _) => Request::Start,
+            (2, [0..=63, _, _], 0) => {
+                let pulse = pulse_from_bits(pulse).ok_or(MalformedRecord)?;
+                let self_test = SimulatedSelfTest::from_code(self_test).ok_or(MalformedRecord)?;
+                Request::Tick(SimulatedTick { pins: PinInputs { pulse, ..pins_from_bits(pins) }, self_test })
+            }
+            (3, [0, 0, 0], _) => Request::Exchange,
+            (4, [0, 0, 0], 0) => Request::Hang,
             _ => return Err(MalformedRecord),
         };
-        if usize::from(payload_length) > LARGEST_TRANSFER || [z0, z1, z2, z3] != [0; 4] {
+        if usize::from(payload_length) > LARGEST_TRANSFER || [z0, z1] != [0; 2] {
             return Err(MalformedRecord);
         }
         Ok(Self { request, now: Micros::new(u64::from_le_bytes(time)), payload_length })
@@ -111,12 +178,41 @@ impl RequestHeader {
 }
 
 fn pins_to_bits(pins: PinInputs) -> u8 {
-    u8::from(pins.mirror.a) | (u8::from(pins.mirror.b) << 1) | (u8::from(pins.reset_pressed) << 2)
+    u8::from(pins.mirror.a)
+        | (u8::from(pins.mirror.b) << 1)
+        | (u8::from(pins.reset_pressed) << 2)
+        | (u8::from(pins.service_key) << 3)
+        | (u8::from(pins.coils.a) << 4)
+        | (u8::from(pins.coils.b) << 5)
 }
 
 const fn pins_from_bits(bits: u8) -> PinInputs {
-    let mirror = MirrorContacts { a: bits & 1 != 0, b: bits & 2 != 0 };
-    PinInputs { mirror, reset_pressed: bits & 4 != 0 }
+    PinInputs {
+        mirror: MirrorContacts { a: bits & 1 != 0, b: bits & 2 != 0 },
+        reset_pressed: bits & 4 != 0,
+        service_key: bits & 8 != 0,
+        coils: Channels { a: bits & 16 != 0, b: bits & 32 != 0 },
+        pulse: None,
+    }
+}
+
+fn pulse_to_bits(pulse: Option<PulseReadback>) -> u8 {
+    pulse.map_or(0, |pulse| {
+        1 | (u8::from(pulse.channel == Channel::B) << 1)
+            | (u8::from(pulse.coils.a) << 2)
+            | (u8::from(pulse.coils.b) << 3)
+    })
+}
+
+const fn pulse_from_bits(bits: u8) -> Option<Option<PulseReadback>> {
+    let channel = if bits & 2 == 0 { Channel::A } else { Channel::B };
+    match bits {
+        0 => Some(None),
+        1..=15 if bits & 1 != 0 => {
+            Some(Some(PulseReadback { channel, coils: Channels { a: bits & 4 != 0, b: bits & 8 != 0 } }))
+        }
+        _ => None,
+    }
 }
 
 /// What the controller answers.
@@ -140,12 +236,20 @@ impl Reply {
             Request::Exchange => 3,
             Request::Hang => 4,
         };
-        let coils = u8::from(self.outputs.relays.a) | (u8::from(self.outputs.relays.b) << 1);
+        let pulse = match self.outputs.pulse {
+            None => 0,
+            Some(Channel::A) => 8,
+            Some(Channel::B) => 16,
+        };
+        let outputs = u8::from(self.outputs.relays.a)
+            | (u8::from(self.outputs.relays.b) << 1)
+            | (u8::from(self.outputs.warning) << 2)
+            | pulse;
         let mut bytes = [0; REPLY_LENGTH];
         let (head, status) = bytes.split_at_mut(REPLY_HEADER_LENGTH);
         let fields = [
             kind,
-            coils,
+            outputs,
             self.outputs.laser_level,
             indicator_code(self.outputs.indicator),
             u8::from(self.fed),
@@ -161,18 +265,25 @@ impl Reply {
     /// # Errors
     /// An answer to something else, or a field with an impossible value.
     pub fn parse(bytes: &[u8; REPLY_LENGTH], request: Request) -> Result<Self, MalformedRecord> {
-        let [kind, coils, laser_level, indicator, fed, 0, 0, 0, status @ ..] = *bytes else {
+        let [kind, outputs, laser_level, indicator, fed, 0, 0, 0, status @ ..] = *bytes else {
             return Err(MalformedRecord);
         };
         let indicator = INDICATORS
             .into_iter()
             .find(|candidate| indicator_code(*candidate) == indicator)
             .ok_or(MalformedRecord)?;
-        if coils > 3 || fed > 1 {
+        let pulse = match outputs >> 3 {
+            0 => None,
+            1 => Some(Channel::A),
+            2 => Some(Channel::B),
+            _ => return Err(MalformedRecord),
+        };
+        if fed > 1 {
             return Err(MalformedRecord);
         }
-        let relays = Channels { a: coils & 1 != 0, b: coils & 2 != 0 };
-        let reply = Self { outputs: Outputs { relays, laser_level, indicator }, fed: fed == 1, status };
+        let relays = Channels { a: outputs & 1 != 0, b: outputs & 2 != 0 };
+        let outputs = Outputs { relays, laser_level, indicator, warning: outputs & 4 != 0, pulse };
+        let reply = Self { outputs, fed: fed == 1, status };
         // The kind is the only thing that names the request.
         match (kind, request) {
             (1, Request::Start) | (2, Request::Tick(_)) | (3, Request::Exchange) => Ok(reply),
@@ -211,9 +322,18 @@ mod tests {
             RequestHeader { request: Request::Exchange, now, payload_length: 0 },
             RequestHeader { request: Request::Hang, now, payload_length: 0 },
         ];
-        for bits in 0..8 {
-            let request = Request::Tick(pins_from_bits(bits));
-            all.push(RequestHeader { request, now, payload_length: 0 });
+        let self_tests = [SimulatedSelfTest::Passed, SimulatedSelfTest::Pending];
+        let failed = SelfTestKind::ALL.map(SimulatedSelfTest::Failed);
+        for bits in 0..64 {
+            for pulse in [0, 1, 3, 5, 7, 9, 11, 13, 15].map(|bits| pulse_from_bits(bits).unwrap()) {
+                let pins = PinInputs { pulse, ..pins_from_bits(bits) };
+                let tick = SimulatedTick { pins, self_test: SimulatedSelfTest::Passed };
+                all.push(RequestHeader { request: Request::Tick(tick), now, payload_length: 0 });
+            }
+        }
+        for self_test in self_tests.into_iter().chain(failed) {
+            let tick = SimulatedTick { pins: PinInputs::default(), self_test };
+            all.push(RequestHeader { request: Request::Tick(tick), now, payload_length: 0 });
         }
         all
     }
@@ -227,10 +347,17 @@ mod tests {
 
     #[test]
     fn golden_bytes_of_a_tick() {
-        let pins = PinInputs { mirror: MirrorContacts { a: false, b: true }, reset_pressed: true };
+        let pins = PinInputs {
+            mirror: MirrorContacts { a: false, b: true },
+            reset_pressed: true,
+            service_key: true,
+            coils: Channels { a: true, b: false },
+            pulse: Some(PulseReadback { channel: Channel::B, coils: Channels { a: true, b: false } }),
+        };
+        let tick = SimulatedTick { pins, self_test: SimulatedSelfTest::Failed(SelfTestKind::Clock) };
         let header =
-            RequestHeader { request: Request::Tick(pins), now: Micros::new(0x0102), payload_length: 0 };
-        assert_eq!(header.to_bytes(), [2, 6, 0, 0, 0, 0, 0, 0, 2, 1, 0, 0, 0, 0, 0, 0]);
+            RequestHeader { request: Request::Tick(tick), now: Micros::new(0x0102), payload_length: 0 };
+        assert_eq!(header.to_bytes(), [2, 0x1E, 0, 0, 0x07, 0x66, 0, 0, 2, 1, 0, 0, 0, 0, 0, 0]);
     }
 
     #[test]
@@ -241,30 +368,41 @@ mod tests {
             RequestHeader::parse(&bytes)
         };
         assert!(with(2, 1).is_ok());
-        for (offset, value) in [(0, 0), (0, 5), (1, 1), (3, 17), (4, 1), (7, 1)] {
+        for (offset, value) in [(0, 0), (0, 5), (1, 1), (3, 17), (4, 1), (5, 1), (6, 1), (7, 1)] {
             assert_eq!(with(offset, value), Err(MalformedRecord), "{offset} = {value}");
         }
-        let mut tick = headers()[5].to_bytes();
-        tick[1] = 8;
-        assert_eq!(RequestHeader::parse(&tick), Err(MalformedRecord), "an unknown pin");
-        tick[1] = 0;
-        tick[2] = 1;
-        assert_eq!(RequestHeader::parse(&tick), Err(MalformedRecord), "a tick has no payload");
+        let tick = headers()[4].to_bytes();
+        let with = |offset: usize, value: u8| {
+            let mut bytes = tick;
+            bytes[offset] = value;
+            RequestHeader::parse(&bytes)
+        };
+        assert_eq!(with(1, 64), Err(MalformedRecord), "an unknown pin");
+        assert_eq!(with(2, 1), Err(MalformedRecord), "a tick has no payload");
+        assert_eq!(with(4, 2), Err(MalformedRecord), "a channel without a pulse");
+        assert_eq!(with(4, 17), Err(MalformedRecord), "an unknown pulse bit");
+        assert_eq!(with(5, 2), Err(MalformedRecord), "an unknown self-test");
     }
 
     #[test]
     fn what_was_answered_is_what_is_read() {
-        let request = Request::Tick(PinInputs::default());
+        let request = Request::Tick(SimulatedTick::default());
         for indicator in INDICATORS {
-            for (a, b, fed) in [(false, false, false), (true, false, true), (false, true, true)] {
-                let outputs = Outputs { relays: Channels { a, b }, laser_level: 77, indicator };
+            let variants = [
+                (false, false, false, None),
+                (true, false, true, Some(Channel::A)),
+                (false, true, true, Some(Channel::B)),
+            ];
+            for (a, b, fed, pulse) in variants {
+                let relays = Channels { a, b };
+                let outputs = Outputs { relays, laser_level: 77, indicator, warning: b, pulse };
                 let reply = Reply { outputs, fed, status: [9; STATUS_LENGTH] };
                 assert_eq!(Reply::parse(&reply.to_bytes(request), request), Ok(reply));
                 assert_eq!(Reply::parse(&reply.to_bytes(request), Request::Exchange), Err(MalformedRecord));
             }
         }
         let good = Reply { outputs: Outputs::SAFE, fed: false, status: [0; STATUS_LENGTH] }.to_bytes(request);
-        for (offset, value) in [(0, 3), (1, 4), (3, 5), (4, 2), (5, 1), (6, 1), (7, 1)] {
+        for (offset, value) in [(0, 3), (1, 24), (1, 32), (3, 5), (4, 2), (5, 1), (6, 1), (7, 1)] {
             let mut bytes = good;
             bytes[offset] = value;
             assert_eq!(Reply::parse(&bytes, request), Err(MalformedRecord), "{offset} = {value}");

@@ -52,6 +52,30 @@ const CLOSED_WORD: u32 = 0x5A3C_96E1;
 /// "Open" in memory.
 const OPEN_WORD: u32 = 0xA50F_3C78;
 
+/// Whether the relays may be closed, as a word that is far from zero, from all ones and from its opposite: a flipped
+/// bit makes no permission.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct Permission(u32);
+
+impl Permission {
+    /// The relays may be closed.
+    pub const GRANTED: Self = Self(0x69A5_3CC3);
+    /// They may not. Whatever is not exactly [`Self::GRANTED`] means the same.
+    pub const DENIED: Self = Self(0x965A_C33C);
+
+    /// May the relays be closed?
+    #[must_use]
+    pub const fn is_granted(self) -> bool {
+        self.0 == Self::GRANTED.0
+    }
+}
+
+impl core::fmt::Debug for Permission {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(if self.is_granted() { "Granted" } else { "Denied" })
+    }
+}
+
 /// The command, stored twice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct StoredCommand {
@@ -87,14 +111,14 @@ impl Relays {
         Self { command: StoredCommand::OPEN, differs_since: [None; 2] }
     }
 
+    /// Closes both channels with a permission, opens them without.
+    pub const fn follow(&mut self, permission: Permission) {
+        self.command = if permission.is_granted() { StoredCommand::CLOSED } else { StoredCommand::OPEN };
+    }
+
     /// Opens both channels.
     pub const fn open(&mut self) {
         self.command = StoredCommand::OPEN;
-    }
-
-    /// Closes both channels.
-    pub const fn close(&mut self) {
-        self.command = StoredCommand::CLOSED;
     }
 
     /// What the channels are told: closed only if both copies say exactly that.
@@ -107,6 +131,12 @@ impl Relays {
     #[must_use]
     pub const fn is_memory_intact(&self) -> bool {
         self.command.is_intact()
+    }
+
+    /// All of it, for the check of the controller's memory.
+    pub(crate) fn words(&self) -> [u64; 3] {
+        let [a, b] = self.differs_since.map(|since| since.map_or(u64::MAX, Micros::get));
+        [u64::from(self.command.word) << 32 | u64::from(self.command.complement), a, b]
     }
 
     /// Compares contacts and command.
@@ -165,7 +195,7 @@ mod tests {
             {
                 let mut relays = Relays::new();
                 if close {
-                    relays.close();
+                    relays.follow(Permission::GRANTED);
                 }
                 assert_eq!(relays.check(START, late), Feedback::Settling);
                 assert_eq!(relays.check(at(change), late), expected, "close {close}, {late:?}, {change}");
@@ -177,7 +207,7 @@ mod tests {
     fn contacts_that_follow_agree() {
         let mut relays = Relays::new();
         assert_eq!(relays.check(START, MirrorContacts::BOTH_OPEN), Feedback::Agrees);
-        relays.close();
+        relays.follow(Permission::GRANTED);
         assert_eq!(relays.check(START, MirrorContacts::BOTH_OPEN), Feedback::Settling);
         assert_eq!(relays.check(at(0), MirrorContacts::BOTH_CLOSED), Feedback::Agrees);
         relays.open();
@@ -208,7 +238,7 @@ mod tests {
             for bit in 0..64 {
                 let mut relays = Relays::new();
                 if closed {
-                    relays.close();
+                    relays.follow(Permission::GRANTED);
                 }
                 assert!(relays.is_memory_intact());
                 assert_eq!(relays.command() == Channels::CLOSED, closed);

@@ -44,11 +44,25 @@ pub enum StopCause {
     ResetButton = 18,
     /// Waiting for a reset after power-up or after a stop (restart interlock).
     Interlock = 19,
+    /// The light that the host reports does not follow the laser's secret code, or has not for too long.
+    Liveness = 20,
+    /// At arming, a laser switched off was still seen as a stripe (or never seen dark).
+    DarkTest = 21,
+    /// Raw pixels do not bear out the rows that the host reports.
+    Audit = 22,
+    /// The floor is not where the calibration says: the mount was knocked or bent.
+    Misaligned = 23,
+    /// Somewhere the sensor cannot see objects of the configured size any more.
+    Capability = 24,
+    /// A relay driver does not follow a test pulse: stuck, or shorted to the other channel.
+    OutputStage = 25,
+    /// Memory that the decision rests on was damaged.
+    CriticalData = 26,
 }
 
 impl StopCause {
     /// All causes, in the order of their bits.
-    pub const ALL: [Self; 20] = [
+    pub const ALL: [Self; 27] = [
         Self::StripeCut,
         Self::StripeMissing,
         Self::LargeObject,
@@ -69,6 +83,13 @@ impl StopCause {
         Self::Configuration,
         Self::ResetButton,
         Self::Interlock,
+        Self::Liveness,
+        Self::DarkTest,
+        Self::Audit,
+        Self::Misaligned,
+        Self::Capability,
+        Self::OutputStage,
+        Self::CriticalData,
     ];
 
     /// This cause's bit.
@@ -95,6 +116,13 @@ impl StopCause {
             Self::Configuration => 1 << 17,
             Self::ResetButton => 1 << 18,
             Self::Interlock => 1 << 19,
+            Self::Liveness => 1 << 20,
+            Self::DarkTest => 1 << 21,
+            Self::Audit => 1 << 22,
+            Self::Misaligned => 1 << 23,
+            Self::Capability => 1 << 24,
+            Self::OutputStage => 1 << 25,
+            Self::CriticalData => 1 << 26,
         }
     }
 
@@ -122,6 +150,13 @@ impl StopCause {
             Self::Configuration => "configuration",
             Self::ResetButton => "reset_button",
             Self::Interlock => "interlock",
+            Self::Liveness => "liveness",
+            Self::DarkTest => "dark_test",
+            Self::Audit => "audit",
+            Self::Misaligned => "misaligned",
+            Self::Capability => "capability",
+            Self::OutputStage => "output_stage",
+            Self::CriticalData => "critical_data",
         }
     }
 
@@ -149,6 +184,13 @@ impl StopCause {
             Self::Configuration => "no valid calibration is stored",
             Self::ResetButton => "the reset button is stuck",
             Self::Interlock => "waiting for the reset button",
+            Self::Liveness => "the pictures do not show the laser's own flicker: frozen, replayed or covered",
+            Self::DarkTest => "the stripe was still reported while the laser was off",
+            Self::Audit => "the host's stripe is not where its own pixels show it",
+            Self::Misaligned => "the sensor has moved in its mount; check it and calibrate again",
+            Self::Capability => "part of the stripe is seen too badly; clean the lens and the laser's window",
+            Self::OutputStage => "a relay driver failed its test pulse",
+            Self::CriticalData => "memory of the safety controller was damaged",
         }
     }
 }
@@ -230,8 +272,8 @@ mod tests {
         }
         let names: std::collections::BTreeSet<_> = StopCause::ALL.map(StopCause::name).into();
         let words: std::collections::BTreeSet<_> = StopCause::ALL.map(StopCause::words).into();
-        assert_eq!((names.len(), words.len()), (20, 20));
-        assert_eq!(seen.iter().count(), 20);
+        assert_eq!((names.len(), words.len()), (27, 27));
+        assert_eq!(seen.iter().count(), 27);
     }
 
     #[test]

@@ -38,12 +38,15 @@
 )]
 
 pub mod action;
+pub mod audit;
 pub mod camera;
 pub mod causes;
 pub mod columns;
+pub mod condition;
 pub mod cutoff;
 pub mod height;
 pub mod laser;
+pub mod light;
 pub mod limits;
 pub mod linescan;
 pub mod monitor;

@@ -47,6 +47,10 @@ pub const LINK_TIMEOUT: Micros = Micros::from_millis(60);
 pub const LONGEST_MESSAGE_AGE: Micros = Micros::from_millis(45);
 /// Sequence numbers of accepted line-scans rise by no more than this: one may be lost.
 pub const LARGEST_SEQUENCE_STEP: u32 = 2;
+/// A second refused line-scan within this time of the one before stops, and the stop latches; a single one is
+/// discarded like a lost one. Reason: at a bit error rate of 1e-9 (a damaged cable) single errors are half an hour
+/// apart; two within a minute are no chance.
+pub const LINK_ERROR_INTERVAL: Micros = Micros::from_millis(60_000);
 /// Consecutive good line-scans that the link needs before it counts as healthy.
 pub const HEALTHY_STREAK: u32 = 3;
 
@@ -66,6 +70,71 @@ pub const FEEDBACK_DISCREPANCY: Micros = Micros::from_millis(50);
 pub const SHORTEST_RESET_PRESS: Micros = Micros::from_millis(100);
 /// ... and at most this long (a button that is stuck or taped down is no reset).
 pub const LONGEST_RESET_PRESS: Micros = Micros::from_millis(3000);
+
+/// The laser code's full and dimmed levels, 255 = full brightness. Reason: 60 % leaves at least 0.80 of the light signal
+/// where the stripe is clipped, clearly below [`crate::light`]'s 0.9, and costs the vision two fifths of its contrast.
+pub const LASER_FULL: u8 = 255;
+/// See [`LASER_FULL`].
+pub const LASER_DIMMED: u8 = 153;
+/// Length of one symbol of the laser's code. Reason: two frame periods at 50 frames per second, so that within every
+/// symbol at least one picture is exposed whole, for exposures up to 10 ms.
+pub const LASER_SYMBOL: Micros = Micros::from_millis(40);
+/// Equal symbols in a row, at most. Reason: a light that does not change is told within this many symbols.
+pub const LONGEST_SYMBOL_RUN: u8 = 2;
+/// A picture may have been exposed this much earlier or later than the host says, beyond half its exposure time. Reason:
+/// rolling shutter over the stripe's rows (a quarter of 17.3 ms for a diagonal stripe) and the laser's ticks.
+pub const EXPOSURE_UNCERTAINTY: Micros = Micros::from_millis(5);
+/// The laser's code must have been seen in the light no longer ago than this. Reason: with at most two equal symbols
+/// it changes every 80 ms; four changes may go unseen in a row (an object that covers most of the stripe has stopped
+/// the robot by then), and the picture is up to 105 ms old.
+pub const LIVENESS_TIMEOUT: Micros = Micros::from_millis(450);
+/// Doubt at which the light is not live: two changes that did not come, without two that did between them.
+pub const LIVENESS_DOUBT_LIMIT: u16 = 4;
+/// Arming: pictures that must show the dark laser as a cut stripe.
+pub const DARK_PROOFS: u8 = 2;
+/// Arming: at most this share of the columns may look like floor in the dark, one in so many. Reason: noise and
+/// reflections; a vision that invents a stripe invents more.
+pub const DARK_FLOOR_DIVISOR: u16 = 20;
+/// Arming: the dark must be proven, and after it the light, within this time each. Reason: five times what they need.
+pub const ARMING_TIMEOUT: Micros = Micros::from_millis(1000);
+
+/// Audit: the controller's own peak may differ from the reported row by this, pixels. Reason: chroma has half the rows,
+/// a clipped core has two flanks; a row is about 1.5 mm of height at most.
+pub const AUDIT_TOLERANCE_ROWS: f32 = 3.0;
+/// Audit: doubt that one contradicted window adds ...
+pub const AUDIT_CONTRADICTION: u16 = 40;
+/// ... and one confirmed window takes away.
+pub const AUDIT_CONFIRMATION: u16 = 1;
+/// Audit: doubt at which the host is not believed. Reason: Wald's test of "one column in 17 is invented" against "one
+/// in 200 is misread": six contradictions; eight at once come from a host that answers nothing or shifts everything.
+pub const AUDIT_DOUBT_LIMIT: u16 = 240;
+/// Audit: contradictions in one of the stripe's blocks, without a confirmation there between them, at which the host is
+/// not believed. Reason: an invention as short as one object meets the same block again and again.
+pub const AUDIT_BLOCK_LIMIT: u8 = 3;
+
+/// Health: a floor that lies this far from where the calibration says (mean over seconds) stops: beyond half of what
+/// tells floor from object, either is taken for the other.
+pub const LARGEST_FLOOR_OFFSET: Millimetres = Millimetres::new(1.0);
+/// Health: ... and warns from here.
+pub const WARNING_FLOOR_OFFSET: Millimetres = Millimetres::new(0.5);
+/// Health: an object this high must be seen as one everywhere: the floor's tolerance, its offset and three standard
+/// deviations of its noise together. Reason: seen from above, a 5 mm object lifts the stripe by 3.3 mm.
+pub const CONFIGURED_OBJECT_HEIGHT: Millimetres = Millimetres::new(3.3);
+/// Health: ... and warns from here.
+pub const WARNING_OBJECT_HEIGHT: Millimetres = Millimetres::new(2.8);
+/// Health: ambient light beside the stripe from which the controller warns (255 = white).
+pub const WARNING_AMBIENT: u8 = 220;
+/// Health: share of clipped columns from which the controller warns (255 = all).
+pub const WARNING_SATURATED: u8 = 230;
+/// Speed that the controller permits while a health warning holds, per cent of the configured one.
+pub const REDUCED_SPEED_PERCENT: u8 = 50;
+
+/// Pulse test: one channel's turn comes this often; both are tested within twice the time. Reason: a fault is found
+/// long before a second, independent one is likely.
+pub const PULSE_PERIOD: Micros = Micros::from_millis(500);
+/// Pulse test: length of the pulse that the board applies, microseconds. Reason: far shorter than a relay's drop-out or
+/// pick-up (5 ms and more), far longer than a driver's switching.
+pub const PULSE_LENGTH: Micros = Micros::new(300);
 
 /// Rig checks: a camera or laser lower than this over the floor is a mistake, millimetres.
 pub const LOWEST_MOUNT_MM: f64 = 10.0;

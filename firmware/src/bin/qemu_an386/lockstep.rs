@@ -3,8 +3,9 @@
 use crate::board::{self, Watchdog};
 use crate::semihosting::{Access, File};
 use crate::target::Controller;
-use nearfield_firmware::lockstep::{REQUEST_HEADER_LENGTH, Reply, Request, RequestHeader};
-use nearfield_firmware::safety::{Outputs, PinInputs};
+use nearfield_firmware::lockstep::{REQUEST_HEADER_LENGTH, Reply, Request, RequestHeader, SimulatedTick};
+use nearfield_firmware::safety::{Outputs, StartInputs};
+use nearfield_firmware::secret::SECRET_LENGTH;
 use nearfield_shared::limits::LARGEST_TRANSFER;
 use nearfield_shared::status::ResetCause;
 use nearfield_shared::units::Micros;
@@ -32,7 +33,7 @@ pub(crate) fn run(controller: &mut Controller, reset_cause: ResetCause) {
         }
         let reply = match record.request {
             Request::Start => start(controller, reset_cause, &record, payload, &mut watchdog),
-            Request::Tick(pins) => tick(controller, record.now, pins, watchdog.as_mut()),
+            Request::Tick(record_tick) => tick(controller, record.now, record_tick, watchdog.as_mut()),
             Request::Exchange => exchange(controller, record.now, payload),
             Request::Hang => hang(),
         };
@@ -47,18 +48,25 @@ fn start(
     controller: &mut Controller,
     reset_cause: ResetCause,
     record: &RequestHeader,
-    stored_rig: &[u8],
+    payload: &[u8],
     watchdog: &mut Option<Watchdog>,
 ) -> Reply {
     // A rig that is refused is a cause to stop, and the status says so.
-    let _ = controller.start(reset_cause, stored_rig);
+    let (secret, stored_rig) =
+        payload.split_first_chunk::<SECRET_LENGTH>().unwrap_or((&[0; SECRET_LENGTH], &[]));
+    let _ = controller.start(&StartInputs { reset_cause, stored_rig, secret: *secret });
     board::drive_relays(Outputs::SAFE.relays);
     *watchdog = Some(Watchdog::start());
     Reply { outputs: Outputs::SAFE, fed: false, status: controller.status(record.now) }
 }
 
-fn tick(controller: &mut Controller, now: Micros, pins: PinInputs, watchdog: Option<&mut Watchdog>) -> Reply {
-    let output = controller.tick(now, pins);
+fn tick(
+    controller: &mut Controller,
+    now: Micros,
+    simulated: SimulatedTick,
+    watchdog: Option<&mut Watchdog>,
+) -> Reply {
+    let output = controller.tick(now, simulated.inputs(now));
     board::drive_relays(output.outputs.relays);
     let fed = match (output.permit, watchdog) {
         (Some(permit), Some(watchdog)) => {

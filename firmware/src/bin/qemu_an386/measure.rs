@@ -12,16 +12,20 @@ use core::ptr::{read_volatile, write_volatile};
 use cortex_m::peripheral::syst::SystClkSource;
 use embassy_time::Instant;
 use nearfield_firmware::relay::MirrorContacts;
-use nearfield_firmware::safety::PinInputs;
+use nearfield_firmware::safety::{PinInputs, StartInputs, TickInputs};
+use nearfield_firmware::selftest::SelfTestReport;
+use nearfield_shared::audit::first_row_for;
 use nearfield_shared::camera::{Camera, Intrinsics, Pose, Vector};
 use nearfield_shared::laser::Laser;
-use nearfield_shared::limits::LARGEST_COLUMN_COUNT;
+use nearfield_shared::light::BrightnessProfile;
+use nearfield_shared::limits::{LARGEST_COLUMN_COUNT, LASER_DIMMED};
 use nearfield_shared::linescan::{
-    HostVerdict, LINE_SCAN_LENGTH, LineScan, LineScanColumn, LineScanHeader, encode,
+    AUDIT_PIXELS, AuditWindow, HostVerdict, LARGEST_AUDIT_COUNT, LINE_SCAN_LENGTH, LineScan, LineScanColumn,
+    LineScanHeader, encode,
 };
 use nearfield_shared::monitor::StripeMonitor;
 use nearfield_shared::rig::{ImageSize, Rig, RigError, Stripe};
-use nearfield_shared::status::ResetCause;
+use nearfield_shared::status::{Challenge, ResetCause, Status};
 use nearfield_shared::units::{Micros, SequenceNumber, SignalQuality, SourceId, SubpixelRow};
 use static_cell::ConstStaticCell;
 
@@ -145,7 +149,9 @@ pub(crate) fn run(controller: &mut Controller) {
     let columns = COLUMNS.take();
     let monitor = MONITOR.take();
     let before = Instant::now();
-    let _ = black_box(controller.start(ResetCause::PowerOn, &rig.to_bytes()));
+    let stored_rig = rig.to_bytes();
+    let start = StartInputs { reset_cause: ResetCause::PowerOn, stored_rig: &stored_rig, secret: [7; 16] };
+    let _ = black_box(controller.start(&start));
     // Too long for SysTick's 24 bits; 1 microsecond = 31.25 instructions.
     let start = before.elapsed().as_micros().saturating_mul(125) / 4;
     say("start_instructions", u32::try_from(start).unwrap_or(u32::MAX));
@@ -154,6 +160,7 @@ pub(crate) fn run(controller: &mut Controller) {
     say("watched_columns", u32::try_from(monitor.geometry().maps().len()).unwrap_or(0));
     let mut worst = 0;
     let mut sequence = 0;
+    let mut last_challenge = Challenge::default();
     for scene in SCENES {
         for (index, column) in columns.iter_mut().enumerate() {
             let row = monitor
@@ -166,7 +173,7 @@ pub(crate) fn run(controller: &mut Controller) {
         // Four in a row: votes fill up.
         for _ in 0..4 {
             sequence += 1;
-            let taken = one_scan(controller, &rig, message, columns, sequence);
+            let taken = one_scan(controller, &rig, message, columns, sequence, &mut last_challenge);
             worst = worst.max(taken);
             if sequence % 4 == 0 {
                 say(scene.name, taken);
@@ -185,9 +192,11 @@ fn one_scan(
     controller: &mut Controller,
     rig: &Rig,
     message: &mut [u8; LINE_SCAN_LENGTH],
-    columns: &[LineScanColumn],
+    columns: &[LineScanColumn; LARGEST_COLUMN_COUNT],
     sequence: u32,
+    last_challenge: &mut Challenge,
 ) -> u32 {
+    let now = Micros::from_millis(u64::from(sequence) * 20);
     let header = LineScanHeader {
         source: SourceId::new(1),
         calibration: rig.calibration_id(),
@@ -196,15 +205,36 @@ fn one_scan(
         exposure: Micros::from_millis(4),
         last_status: sequence - 1,
         verdict: HostVerdict::Clear,
+        ambient: 80,
+        saturated: 9,
     };
-    let _ = encode(message, &header, columns, &[]);
-    let now = Micros::from_millis(u64::from(sequence) * 20);
-    let pins = PinInputs { mirror: MirrorContacts::BOTH_OPEN, reset_pressed: false };
+    // Every check has its full work: light in all blocks, and the windows that the last status asked for.
+    let challenge = *last_challenge;
+    let windows = challenge.columns.map(|column| window(column, columns));
+    let level = if sequence % 4 < 2 { u16::from(u8::MAX) } else { u16::from(LASER_DIMMED) };
+    let brightness = BrightnessProfile { blocks: [level * 80; 64] };
+    let _ = encode(message, &header, columns, &brightness, &windows);
+    *last_challenge = Status::parse(&controller.status(now)).map_or(challenge, |status| status.challenge);
+    let pins = PinInputs { mirror: MirrorContacts::BOTH_OPEN, ..PinInputs::default() };
+    let inputs = TickInputs { pins, self_test: SelfTestReport::passed(now) };
     instructions(|| {
         black_box(controller.on_exchange(now, Some(black_box(message))));
-        let _ = black_box(controller.tick(now, pins));
+        let _ = black_box(controller.tick(now, inputs));
     })
 }
+
+/// What the camera shows around the reported row of a column.
+fn window(column: u16, columns: &[LineScanColumn; LARGEST_COLUMN_COUNT]) -> AuditWindow {
+    let reported = columns.get(usize::from(column)).copied().unwrap_or(LineScanColumn::MISSING);
+    let first_row = first_row_for(reported.row.to_pixels().unwrap_or(400.0));
+    let mut pixels = [120; AUDIT_PIXELS];
+    for (pixel, light) in pixels.iter_mut().skip(14).zip([30, 70, 90, 70, 30]) {
+        *pixel += light;
+    }
+    AuditWindow { column, first_row, pixels }
+}
+
+const _: () = assert!(LARGEST_AUDIT_COUNT == 8, "a challenge asks for eight windows");
 
 /// The parts of it, on a clean floor.
 fn split(message: &[u8; LINE_SCAN_LENGTH], monitor: &mut StripeMonitor<LARGEST_COLUMN_COUNT>) {

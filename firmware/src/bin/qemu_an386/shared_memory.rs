@@ -5,7 +5,7 @@
 //! |---|---|---|
 //! | 0x0000 | host | line-scan |
 //! | 0x1000 | board | status, every tick; after a doorbell the one that this exchange carries |
-//! | 0x2000 | host, before start | the stored rig |
+//! | 0x2000 | host, before start | the stored rig; from 0x20F0 on the secret (16 bytes) |
 //! | 0x2100 | host | inputs u32: bit 0 reset button, bit 1 channel A welded, bit 2 channel B welded |
 //!
 //! The host rings with `D` (line-scan ready) or `P` (status only); the board answers `R` when the exchange is over.
@@ -18,8 +18,11 @@ use embassy_futures::select::{Either, select};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer};
+use nearfield_firmware::output_test::PulseReadback;
 use nearfield_firmware::relay::MirrorContacts;
-use nearfield_firmware::safety::{Outputs, PinInputs};
+use nearfield_firmware::safety::{Outputs, PinInputs, StartInputs, TickInputs};
+use nearfield_firmware::secret::SECRET_LENGTH;
+use nearfield_firmware::selftest::SelfTestReport;
 use nearfield_shared::limits::TICK_PERIOD;
 use nearfield_shared::linescan::LINE_SCAN_LENGTH;
 use nearfield_shared::rig::COMPACT_LENGTH;
@@ -32,6 +35,7 @@ const SHARED: usize = 0x2100_0000;
 const LINE_SCAN: usize = SHARED;
 const STATUS: usize = SHARED + 0x1000;
 const STORED_RIG: usize = SHARED + 0x2000;
+const SECRET: usize = SHARED + 0x20F0;
 const INPUTS: Register = Register::new(SHARED + 0x2100);
 
 const SERIAL_DATA: Register = Register::new(0x4000_4000);
@@ -88,7 +92,9 @@ pub(crate) async fn run(controller: &mut Controller, reset_cause: ResetCause) {
     let mut rig = [0; COMPACT_LENGTH];
     copy_in(STORED_RIG, &mut rig);
     // A rig that is refused is a cause to stop, and the status says so.
-    let _ = controller.start(reset_cause, &rig);
+    let mut secret = [0; SECRET_LENGTH];
+    copy_in(SECRET, &mut secret);
+    let _ = controller.start(&StartInputs { reset_cause, stored_rig: &rig, secret });
     let mut outputs = Outputs::SAFE;
     start_serial();
     let mut watchdog = Watchdog::start();
@@ -105,7 +111,8 @@ pub(crate) async fn run(controller: &mut Controller, reset_cause: ResetCause) {
             Either::Second(()) => {
                 // Measured from now: ticks that were missed are not made up for.
                 next_tick = Instant::now() + Duration::from_micros(TICK_PERIOD.get());
-                let tick = controller.tick(now(), read_inputs(outputs));
+                let self_test = SelfTestReport::passed(now());
+                let tick = controller.tick(now(), TickInputs { pins: read_inputs(outputs), self_test });
                 outputs = tick.outputs;
                 board::drive_relays(outputs.relays);
                 if let Some(permit) = tick.permit {
@@ -121,5 +128,8 @@ fn read_inputs(outputs: Outputs) -> PinInputs {
     let inputs = INPUTS.read();
     let mirror =
         MirrorContacts { a: !outputs.relays.a && inputs & 2 == 0, b: !outputs.relays.b && inputs & 4 == 0 };
-    PinInputs { mirror, reset_pressed: inputs & 1 != 0 }
+    // The LEDs cannot be read back: the drivers are ideal.
+    let pulse =
+        outputs.pulse.map(|channel| PulseReadback { channel, coils: channel.inverted_in(outputs.relays) });
+    PinInputs { mirror, reset_pressed: inputs & 1 != 0, service_key: false, coils: outputs.relays, pulse }
 }

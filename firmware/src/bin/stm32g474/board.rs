@@ -5,8 +5,10 @@ use embassy_stm32::peripherals::{DMA1_CH1, DMA1_CH2, FLASH, IWDG, PB12, PB13, PB
 use embassy_stm32::wdg::{IndependentWatchdog, WindowWatchdog};
 use embassy_stm32::{Config, Peri, pac, rcc};
 use nearfield_firmware::flow::FeedPermit;
+use nearfield_firmware::laser_code::LASER_OFF;
+use nearfield_firmware::output_test::PulseReadback;
 use nearfield_firmware::relay::MirrorContacts;
-use nearfield_firmware::safety::{Indicator, LASER_OFF, Outputs, PinInputs};
+use nearfield_firmware::safety::{Indicator, Outputs, PinInputs};
 use nearfield_shared::limits::WATCHDOG_TIMEOUT;
 use nearfield_shared::status::ResetCause;
 
@@ -46,10 +48,17 @@ pub(crate) struct Pins {
 }
 
 impl Pins {
-    pub(crate) fn read(&self) -> PinInputs {
+    /// The drivers' outputs are not wired back yet: they count as ideal.
+    pub(crate) fn read(&self, outputs: Outputs) -> PinInputs {
+        let pulse = outputs
+            .pulse
+            .map(|channel| PulseReadback { channel, coils: channel.inverted_in(outputs.relays) });
         PinInputs {
             mirror: MirrorContacts { a: self.mirror_a.is_high(), b: self.mirror_b.is_high() },
             reset_pressed: self.reset_button.is_high(),
+            service_key: false,
+            coils: outputs.relays,
+            pulse,
         }
     }
 

@@ -40,7 +40,9 @@ mod target {
     use embassy_stm32::interrupt::{self, InterruptExt as _, Priority};
     use embassy_time::{Duration, Instant, Timer};
     use nearfield_firmware::link::is_poll;
-    use nearfield_firmware::safety::{LineScanMonitor, Outputs, SafetyController};
+    use nearfield_firmware::safety::{LineScanMonitor, Outputs, SafetyController, StartInputs, TickInputs};
+    use nearfield_firmware::secret::SECRET_LENGTH;
+    use nearfield_firmware::selftest::SelfTestReport;
     use nearfield_shared::limits::TICK_PERIOD;
     use nearfield_shared::rig::COMPACT_LENGTH;
     use nearfield_shared::status::ResetCause;
@@ -102,7 +104,8 @@ mod target {
             service::run(&mut link, &mut store).await;
         }
         let controller = CONTROLLER.init(SafetyController::new(SOURCE, MONITOR.take()));
-        match controller.start(reset_cause, &stored) {
+        let start = StartInputs { reset_cause, stored_rig: &stored, secret: [0; SECRET_LENGTH] };
+        match controller.start(&start) {
             Ok(()) => defmt::info!("calibration in use"),
             Err(_) => defmt::warn!("no valid calibration: the relays stay open"),
         }
@@ -157,7 +160,9 @@ mod target {
                 Either::Second(()) => {
                     // Measured from now: ticks that were missed are not made up for in a burst.
                     next_tick = Instant::now() + period;
-                    let tick = controller.tick(now(), pins.read());
+                    let inputs =
+                        TickInputs { pins: pins.read(outputs), self_test: SelfTestReport::passed(now()) };
+                    let tick = controller.tick(now(), inputs);
                     outputs = tick.outputs;
                     pins.drive(outputs);
                     if let Some(permit) = tick.permit {
