@@ -167,6 +167,8 @@ pub struct Request<'a> {
     pub number: u32,
     /// Its kind's code, understood or not.
     pub code: u16,
+    /// Its CRC: the same for a request that is sent again byte by byte.
+    pub seal: u32,
     /// What it asks for, or why that is not understood.
     pub demand: Result<Demand<'a>, ResultCode>,
 }
@@ -194,7 +196,7 @@ impl<'a> Request<'a> {
         } else {
             Err(ResultCode::OtherVersion)
         };
-        Some(Self { source, number, code, demand })
+        Some(Self { source, number, code, seal: wire::seal_of(request), demand })
     }
 
     fn read_demand(

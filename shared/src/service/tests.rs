@@ -87,6 +87,7 @@ fn what_was_asked_is_what_is_read() {
         let read = Request::parse(&message).unwrap();
         assert_eq!((read.source, read.number, read.code), (SOURCE, 0x0304_0506, demand.code()));
         assert_eq!(read.demand, Ok(demand));
+        assert_eq!(read.seal.to_le_bytes(), message[180..184]);
     }
 }
 
