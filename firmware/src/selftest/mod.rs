@@ -5,6 +5,30 @@
 //! The controller takes a [`SelfTestReport`] with every tick and may close the relays only while its
 //! [verdict](SelfTestReport::verdict) is [`Verdict::Passed`]. What is not positively reported as passed is pending or
 //! failed; a failed test locks the controller out.
+//!
+//! | module | tests |
+//! |---|---|
+//! | [`memory`] | RAM: destructive march at start, transparent blocks while running |
+//! | [`program`] | flash against the image's seal |
+//! | [`processor`] | registers and arithmetic of the processor and of the floating-point unit |
+//! | [`stack`] | guard zone and high-water mark |
+//! | [`clock`] | two oscillators against each other |
+//! | [`supply`] | supply voltage |
+//! | [`configuration`] | stored rig |
+//! | [`watchdog`] | both watchdogs, by provoked resets after power-up |
+//! | [`random`] | random number generator |
+//! | [`schedule`] | which slice is next, what has passed, what the controller is told |
+
+pub mod clock;
+pub mod configuration;
+pub mod memory;
+pub mod processor;
+pub mod program;
+pub mod random;
+pub mod schedule;
+pub mod stack;
+pub mod supply;
+pub mod watchdog;
 
 use nearfield_shared::units::Micros;
 
@@ -123,6 +147,25 @@ impl SelfTestKind {
             Self::Registers => "a setting of the hardware has changed",
             Self::Schedule => "the self-tests are overdue",
         }
+    }
+}
+
+/// What a test, or a slice of one, has found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// Nothing wrong so far, and not through yet.
+    Pending,
+    /// Through, and nothing wrong.
+    Passed,
+    /// A fault.
+    Failed,
+}
+
+impl Outcome {
+    /// Passed or failed.
+    #[must_use]
+    pub const fn passed_if(passed: bool) -> Self {
+        if passed { Self::Passed } else { Self::Failed }
     }
 }
 
