@@ -1,6 +1,8 @@
 //! The project's chores, quick to build. `cargo xtask help` tells what there is.
 
+mod board;
 mod budget;
+mod firmware;
 mod panic_free;
 mod run;
 mod setup;
@@ -18,7 +20,10 @@ nearfield's chores. Each sets up what it needs by itself.
                          writes target/demo/report.html   (further arguments go to `nearfield demo`)
   cargo xtask test       everything: format, lints, all tests, both firmware builds, emulated tests,
                          the panic-free proof, size and time budgets
-  cargo xtask firmware   builds the firmware for the board (stm32g474) and for the emulator (qemu_an386)
+  cargo xtask firmware   builds the firmware for the board (stm32g474) and for the emulator (qemu_an386), and seals
+                         both images with their CRC
+  cargo xtask board      the board's unmodified binary on a register-level model (Python, Unicorn), with injected faults
+                         (--list, --only NAME, --json)
   cargo xtask emulate    the tests that run the firmware on an emulated Cortex-M4
   cargo xtask budget     flash, RAM, stack and instructions of the firmware against tests/budget.toml
                          (--write keeps the measured figures plus headroom as the new budget)
@@ -54,12 +59,17 @@ fn dispatch(verb: &str, rest: &[String]) -> Result<()> {
         "test" => test(),
         "firmware" => {
             setup::firmware_target()?;
-            firmware()
+            firmware::build()
+        }
+        "board" => {
+            setup::firmware_target()?;
+            firmware::build()?;
+            board::run(rest)
         }
         "emulate" => emulate(),
         "budget" => {
             setup::everything()?;
-            firmware()?;
+            firmware::build()?;
             budget::check(rest.iter().any(|argument| argument == "--write"))
         }
         "lint" => {
@@ -82,7 +92,7 @@ fn dispatch(verb: &str, rest: &[String]) -> Result<()> {
 fn demo(rest: &[String]) -> Result<()> {
     if rest.iter().any(|argument| argument == "emulated" || argument == "--mcu=emulated") {
         setup::everything()?;
-        firmware()?;
+        firmware::build()?;
     }
     let mut arguments =
         vec!["run", "--release", "--package", "nearfield-host", "--bin", "nearfield", "--", "demo"];
@@ -98,7 +108,7 @@ fn test() -> Result<()> {
     setup::everything()?;
     setup::components()?;
     lint()?;
-    firmware()?;
+    firmware::build()?;
     Step::cargo(&["test", "--workspace", "--exclude", "panic-free"])
         .env("NEARFIELD_EMULATOR_REQUIRED", "1")
         .run()?;
@@ -112,7 +122,7 @@ fn test() -> Result<()> {
 
 fn emulate() -> Result<()> {
     setup::everything()?;
-    firmware()?;
+    firmware::build()?;
     Step::cargo(&["test", "--package", "nearfield-tests", "--test", "emulated*"])
         .env("NEARFIELD_EMULATOR_REQUIRED", "1")
         .run()
@@ -124,9 +134,4 @@ fn lint() -> Result<()> {
     let firmware = ["clippy", "--package", "nearfield-firmware", "--target", run::FIRMWARE_TARGET];
     Step::cargo(&[&firmware[..], &["--profile", run::FIRMWARE_PROFILE, "--", "--deny", "warnings"]].concat())
         .run()
-}
-
-fn firmware() -> Result<()> {
-    let arguments = ["build", "--package", "nearfield-firmware", "--bins", "--target", run::FIRMWARE_TARGET];
-    Step::cargo(&[&arguments[..], &["--profile", run::FIRMWARE_PROFILE]].concat()).run()
 }

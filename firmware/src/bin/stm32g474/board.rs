@@ -1,25 +1,23 @@
-//! Clocks, pins, watchdogs and the reset's reason of the Nucleo-G474RE.
+//! Clocks and pins of the Nucleo-G474RE.
 
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
-use embassy_stm32::peripherals::{DMA1_CH1, DMA1_CH2, FLASH, IWDG, PB12, PB13, PB14, PB15, SPI2, WWDG};
-use embassy_stm32::wdg::{IndependentWatchdog, WindowWatchdog};
+use crate::laser::Laser;
+use crate::watchdogs::WatchdogParts;
+use embassy_stm32::peripherals::{DMA1_CH1, DMA1_CH2, FLASH, PB12, PB13, PB14, PB15, SPI2};
 use embassy_stm32::{Config, Peri, pac, rcc};
-use nearfield_firmware::flow::FeedPermit;
-use nearfield_firmware::laser_code::LASER_OFF;
-use nearfield_firmware::output_test::PulseReadback;
+use embassy_time::{Duration, block_for};
+use nearfield_firmware::output_test::{Channel, PulseReadback};
 use nearfield_firmware::relay::MirrorContacts;
 use nearfield_firmware::safety::{Indicator, Outputs, PinInputs};
-use nearfield_shared::limits::WATCHDOG_TIMEOUT;
-use nearfield_shared::status::ResetCause;
+use nearfield_shared::status::Channels;
+use nearfield_shared::limits::PULSE_LENGTH;
 
 /// What the tasks get of the board.
 pub(crate) struct Board {
     pub(crate) pins: Pins,
     pub(crate) link: LinkParts,
-    pub(crate) service_key: Input<'static>,
     pub(crate) flash: Peri<'static, FLASH>,
-    pub(crate) independent_watchdog: Peri<'static, IWDG>,
-    pub(crate) window_watchdog: Peri<'static, WWDG>,
+    pub(crate) watchdogs: WatchdogParts,
 }
 
 /// SPI2 as a slave, its DMA channels and the READY line.
@@ -40,36 +38,63 @@ pub(crate) struct Pins {
     relay_b: Output<'static>,
     mirror_a: Input<'static>,
     mirror_b: Input<'static>,
+    coil_a: Input<'static>,
+    coil_b: Input<'static>,
     reset_button: Input<'static>,
-    laser: Output<'static>,
+    service_key: Input<'static>,
+    laser: Laser,
+    warning: Output<'static>,
     permitted: Output<'static>,
     waiting: Output<'static>,
     service: Output<'static>,
 }
 
 impl Pins {
-    /// The drivers' outputs are not wired back yet: they count as ideal.
-    pub(crate) fn read(&self, outputs: Outputs) -> PinInputs {
-        let pulse = outputs
-            .pulse
-            .map(|channel| PulseReadback { channel, coils: channel.inverted_in(outputs.relays) });
+    /// `pulse`: what the pulse of the tick before has shown.
+    pub(crate) fn read(&self, pulse: Option<PulseReadback>) -> PinInputs {
         PinInputs {
             mirror: MirrorContacts { a: self.mirror_a.is_high(), b: self.mirror_b.is_high() },
             reset_pressed: self.reset_button.is_high(),
-            service_key: false,
-            coils: outputs.relays,
+            service_key: self.service_key.is_high(),
+            coils: self.coils(),
             pulse,
         }
     }
 
+    /// What the drivers give out.
+    fn coils(&self) -> Channels {
+        Channels { a: self.coil_a.is_high(), b: self.coil_b.is_high() }
+    }
+
     /// The relays first.
     pub(crate) fn drive(&mut self, outputs: Outputs) {
-        self.relay_a.set_level(Level::from(outputs.relays.a));
-        self.relay_b.set_level(Level::from(outputs.relays.b));
-        self.laser.set_level(Level::from(outputs.laser_level != LASER_OFF));
+        self.drive_relays(outputs.relays);
+        self.laser.set_level(outputs.laser_level);
+        self.warning.set_level(Level::from(outputs.warning));
         self.permitted.set_level(Level::from(outputs.indicator == Indicator::Permitted));
         self.waiting.set_level(Level::from(outputs.indicator == Indicator::WaitingForReset));
         self.service.set_level(Level::from(outputs.indicator == Indicator::Service));
+    }
+
+    fn drive_relays(&mut self, coils: Channels) {
+        self.relay_a.set_level(Level::from(coils.a));
+        self.relay_b.set_level(Level::from(coils.b));
+    }
+
+    /// Inverts one channel's drive for a time that is too short for its relay to move, reads both drivers back at the
+    /// end of it, and restores the drive. Should the program stop in between, the other channel is as it was, and the
+    /// watchdogs bite.
+    pub(crate) fn pulse(&mut self, channel: Channel, relays: Channels) -> PulseReadback {
+        self.drive_relays(channel.inverted_in(relays));
+        block_for(Duration::from_micros(PULSE_LENGTH.get()));
+        let coils = self.coils();
+        self.drive_relays(relays);
+        PulseReadback { channel, coils }
+    }
+
+    /// The laser's drive, for its check.
+    pub(crate) const fn laser(&self) -> &Laser {
+        &self.laser
     }
 }
 
@@ -88,14 +113,22 @@ pub(crate) fn start() -> Board {
     });
     config.rcc.sys = rcc::Sysclk::PLL1_R;
     config.rcc.boost = true;
+    // For the random numbers, and for the check against the processor's clock and the independent watchdog.
+    config.rcc.hsi48 = Some(rcc::Hsi48Config::default());
+    config.rcc.mux.clk48sel = rcc::mux::Clk48sel::HSI48;
+    config.rcc.ls = rcc::LsConfig::default_lsi();
     let parts = embassy_stm32::init(config);
     let pins = Pins {
         relay_a: Output::new(parts.PC0, Level::Low, Speed::Low),
         relay_b: Output::new(parts.PC1, Level::Low, Speed::Low),
         mirror_a: Input::new(parts.PC2, Pull::Down),
         mirror_b: Input::new(parts.PC3, Pull::Down),
+        coil_a: Input::new(parts.PB0, Pull::Down),
+        coil_b: Input::new(parts.PB1, Pull::Down),
         reset_button: Input::new(parts.PC13, Pull::Down),
-        laser: Output::new(parts.PC9, Level::Low, Speed::Low),
+        service_key: Input::new(parts.PC8, Pull::Down),
+        laser: Laser::new(parts.TIM3, parts.PC9),
+        warning: Output::new(parts.PC6, Level::Low, Speed::Low),
         permitted: Output::new(parts.PA5, Level::Low, Speed::Low),
         waiting: Output::new(parts.PC4, Level::Low, Speed::Low),
         service: Output::new(parts.PC5, Level::Low, Speed::Low),
@@ -113,57 +146,8 @@ pub(crate) fn start() -> Board {
     Board {
         pins,
         link,
-        service_key: Input::new(parts.PC8, Pull::Down),
         flash: parts.FLASH,
-        independent_watchdog: parts.IWDG,
-        window_watchdog: parts.WWDG,
-    }
-}
-
-/// Why the chip started; clears the flags for the next time.
-pub(crate) fn take_reset_cause() -> ResetCause {
-    let flags = pac::RCC.csr().read();
-    pac::RCC.csr().modify(|register| register.set_rmvf(true));
-    // Every reset also pulls the reset pin, so the pin's flag says something only by itself.
-    if flags.iwdgrstf() || flags.wwdgrstf() {
-        ResetCause::Watchdog
-    } else if flags.borrstf() {
-        ResetCause::PowerOn
-    } else if flags.sftrstf() {
-        ResetCause::Software
-    } else if flags.lpwrrstf() || flags.oblrstf() {
-        ResetCause::Unknown
-    } else if flags.pinrstf() {
-        ResetCause::Pin
-    } else {
-        ResetCause::Unknown
-    }
-}
-
-/// The window watchdog bites a little before the independent one: both are seen to work by their own flags.
-const WINDOW_WATCHDOG_MICROS: u32 = 90_000;
-/// Feeding again within this time is a reset: the program runs wild. The tick period is 5 ms.
-const CLOSED_WINDOW_MICROS: u32 = 3_100;
-
-/// Both watchdogs; from their start on only permits keep the chip alive.
-pub(crate) struct Watchdogs {
-    independent: IndependentWatchdog<'static, IWDG>,
-    window: WindowWatchdog<'static, WWDG>,
-}
-
-impl Watchdogs {
-    pub(crate) fn start(independent: Peri<'static, IWDG>, window: Peri<'static, WWDG>) -> Self {
-        let timeout = u32::try_from(WATCHDOG_TIMEOUT.get()).unwrap_or(WINDOW_WATCHDOG_MICROS);
-        let mut independent = IndependentWatchdog::new(independent, timeout);
-        independent.unleash();
-        let window = WindowWatchdog::new(window, WINDOW_WATCHDOG_MICROS, CLOSED_WINDOW_MICROS);
-        Self { independent, window }
-    }
-
-    /// Only a whole tick on time may feed them.
-    pub(crate) fn feed(&mut self, _permit: FeedPermit) {
-        self.independent.pet();
-        self.window.pet();
+        watchdogs: WatchdogParts { independent: parts.IWDG, window: parts.WWDG },
     }
 }
 
