@@ -83,14 +83,7 @@ unsafe extern "C" fn call_on_stack(
     function: extern "C" fn(*mut Block),
     stack_top: *mut u8,
 ) {
-    naked_asm!(
-        "push {{r4, lr}}",
-        "mov r4, sp",
-        "mov sp, r2",
-        "blx r1",
-        "mov sp, r4",
-        "pop {{r4, pc}}"
-    )
+    naked_asm!("push {{r4, lr}}", "mov r4, sp", "mov sp, r2", "blx r1", "mov sp, r4", "pop {{r4, pc}}")
 }
 
 extern "C" fn test_in_place(block: *mut Block) {
@@ -103,16 +96,16 @@ extern "C" fn test_in_place(block: *mut Block) {
     unsafe { (*block).outcome = outcome };
 }
 
-/// The transparent march over a block of RAM, its content untouched in the end; about 25 microseconds at 170 MHz with
-/// interrupts masked (measured as instructions on the emulator). A block of the stack's memory is tested from another
+/// The transparent march over a block of RAM, its content untouched in the end; about 5,100 instructions, some 35 microseconds at 170 MHz, with
+/// interrupts masked. A block of the stack's memory is tested from another
 /// stack.
 ///
 /// # Safety
 /// The region is RAM that no DMA writes to, outside the other stack if it is in the stack's memory.
 pub(crate) unsafe fn test_block(region: Region) -> Outcome {
     let stack = stack();
-    let in_stack = region.address >= stack.address
-        && region.address < stack.address + stack.words * size_of::<u32>();
+    let in_stack =
+        region.address >= stack.address && region.address < stack.address + stack.words * size_of::<u32>();
     cortex_m::interrupt::free(|_| {
         if in_stack {
             test_on_other_stack(region)
@@ -125,10 +118,8 @@ pub(crate) unsafe fn test_block(region: Region) -> Outcome {
 }
 
 /// The block that is handed over must lie outside the memory under test as well.
-static BLOCK: OtherBlock = OtherBlock(UnsafeCell::new(Block {
-    region: Region { address: 0, words: 0 },
-    outcome: Outcome::Failed,
-}));
+static BLOCK: OtherBlock =
+    OtherBlock(UnsafeCell::new(Block { region: Region { address: 0, words: 0 }, outcome: Outcome::Failed }));
 struct OtherBlock(UnsafeCell<Block>);
 // SAFETY: used by `test_on_other_stack` only, with interrupts masked.
 unsafe impl Sync for OtherBlock {}

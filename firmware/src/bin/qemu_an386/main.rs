@@ -11,6 +11,9 @@
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
+#[path = "../bare_metal/mod.rs"]
+mod bare_metal;
+#[cfg(target_os = "none")]
 mod board;
 #[cfg(target_os = "none")]
 mod clock;
@@ -18,6 +21,8 @@ mod clock;
 mod lockstep;
 #[cfg(target_os = "none")]
 mod measure;
+#[cfg(target_os = "none")]
+mod self_tests;
 #[cfg(target_os = "none")]
 mod semihosting;
 #[cfg(target_os = "none")]
@@ -112,7 +117,6 @@ mod target {
     #[entry]
     fn main() -> ! {
         board::open_relays();
-        measure::paint_stack();
         clock::start();
         // SAFETY: their handlers are in the vector table.
         unsafe { NVIC::unmask(Interrupt::SerialReceive) };

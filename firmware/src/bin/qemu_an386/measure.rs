@@ -4,16 +4,19 @@
 //! instructions: 1 tick = 40 ns = 1.25 instructions, the same in every run. Not a worst-case execution time: a
 //! Cortex-M4's instructions take 1 to 14 cycles.
 
+use crate::bare_metal::memory::{stack, test_block};
+use crate::bare_metal::{program, registers};
 use crate::semihosting::print;
 use crate::target::Controller;
 use core::fmt::Write as _;
 use core::hint::black_box;
-use core::ptr::{read_volatile, write_volatile};
+use core::ptr::read_volatile;
 use cortex_m::peripheral::syst::SystClkSource;
 use embassy_time::Instant;
 use nearfield_firmware::relay::MirrorContacts;
 use nearfield_firmware::safety::{PinInputs, StartInputs, TickInputs};
 use nearfield_firmware::selftest::SelfTestReport;
+use nearfield_firmware::selftest::stack::PAINT;
 use nearfield_shared::audit::first_row_for;
 use nearfield_shared::camera::{Camera, Intrinsics, Pose, Vector};
 use nearfield_shared::laser::Laser;
@@ -29,27 +32,12 @@ use nearfield_shared::status::{Challenge, ResetCause, Status};
 use nearfield_shared::units::{Micros, SequenceNumber, SignalQuality, SourceId, SubpixelRow};
 use static_cell::ConstStaticCell;
 
-/// Unused stack is filled with this.
-const PAINT: u32 = 0xA5A5_5A5A;
-/// What `paint_stack` leaves alone above its own frame, bytes.
-const PAINT_MARGIN: usize = 256;
-
 unsafe extern "C" {
     /// Lowest address of the stack, from memory.x.
     static _stack_end: u32;
 }
 
-/// Fills the stack below the caller's frame; call first thing.
-pub(crate) fn paint_stack() {
-    let top = cortex_m::register::msp::read() as usize - PAINT_MARGIN;
-    let mut address = (&raw const _stack_end) as usize;
-    while address < top {
-        // SAFETY: stack memory that nothing has used yet, word-aligned from the linker's symbol on.
-        unsafe { write_volatile(address as *mut u32, PAINT) };
-        address += size_of::<u32>();
-    }
-}
-
+/// Bytes of the stack that were ever used; it was painted before start-up.
 fn deepest_stack() -> usize {
     let bottom = (&raw const _stack_end) as usize;
     let mut address = bottom;
@@ -184,6 +172,7 @@ pub(crate) fn run(controller: &mut Controller) {
         }
     }
     say("scan_instructions", worst);
+    self_test_slices();
     say("stack_bytes", u32::try_from(deepest_stack()).unwrap_or(u32::MAX));
 }
 
@@ -250,6 +239,30 @@ fn split(message: &[u8; LINE_SCAN_LENGTH], monitor: &mut StripeMonitor<LARGEST_C
             }),
         );
     }
+}
+
+/// What each slice of the running self-tests takes; a tick makes one.
+fn self_test_slices() {
+    let first = stack().block(0);
+    let block = first.map_or(0, |block| {
+        instructions(|| {
+            // SAFETY: the stack's far end; no DMA on this board, and the other stack is elsewhere.
+            let _ = black_box(unsafe { test_block(block) });
+        })
+    });
+    say("self_test_memory_block", block);
+    let mut check = program::check();
+    say(
+        "self_test_program_slice",
+        instructions(|| {
+            let _ = black_box(program::step(&mut check));
+        }),
+    );
+    let registers = instructions(|| {
+        let _ = black_box(registers::check_processor());
+        let _ = black_box(registers::check_floating_point());
+    });
+    say("self_test_registers", registers);
 }
 
 /// SysTick on the processor's clock, over its whole range.

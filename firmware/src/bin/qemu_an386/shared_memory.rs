@@ -12,6 +12,7 @@
 //! Its relays are ideal: the mirror contacts follow the LEDs at once, but for the injected welds.
 
 use crate::board::{self, Register, Watchdog};
+use crate::self_tests::SelfTests;
 use crate::target::Controller;
 use core::ptr::{read_volatile, write_volatile};
 use embassy_futures::select::{Either, select};
@@ -22,7 +23,6 @@ use nearfield_firmware::output_test::PulseReadback;
 use nearfield_firmware::relay::MirrorContacts;
 use nearfield_firmware::safety::{Outputs, PinInputs, StartInputs, TickInputs};
 use nearfield_firmware::secret::SECRET_LENGTH;
-use nearfield_firmware::selftest::SelfTestReport;
 use nearfield_shared::limits::TICK_PERIOD;
 use nearfield_shared::linescan::LINE_SCAN_LENGTH;
 use nearfield_shared::rig::COMPACT_LENGTH;
@@ -95,6 +95,7 @@ pub(crate) async fn run(controller: &mut Controller, reset_cause: ResetCause) {
     let mut secret = [0; SECRET_LENGTH];
     copy_in(SECRET, &mut secret);
     let _ = controller.start(&StartInputs { reset_cause, stored_rig: &rig, secret });
+    let mut self_tests = SelfTests::start(now(), &rig, controller.calibration());
     let mut outputs = Outputs::SAFE;
     start_serial();
     let mut watchdog = Watchdog::start();
@@ -111,7 +112,7 @@ pub(crate) async fn run(controller: &mut Controller, reset_cause: ResetCause) {
             Either::Second(()) => {
                 // Measured from now: ticks that were missed are not made up for.
                 next_tick = Instant::now() + Duration::from_micros(TICK_PERIOD.get());
-                let self_test = SelfTestReport::passed(now());
+                let self_test = self_tests.step(now(), controller.calibration());
                 let tick = controller.tick(now(), TickInputs { pins: read_inputs(outputs), self_test });
                 outputs = tick.outputs;
                 board::drive_relays(outputs.relays);

@@ -1,16 +1,16 @@
 //! Clocks and pins of the Nucleo-G474RE.
 
-use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
 use crate::laser::Laser;
 use crate::watchdogs::WatchdogParts;
+use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
 use embassy_stm32::peripherals::{DMA1_CH1, DMA1_CH2, FLASH, PB12, PB13, PB14, PB15, SPI2};
 use embassy_stm32::{Config, Peri, pac, rcc};
 use embassy_time::{Duration, block_for};
 use nearfield_firmware::output_test::{Channel, PulseReadback};
 use nearfield_firmware::relay::MirrorContacts;
 use nearfield_firmware::safety::{Indicator, Outputs, PinInputs};
-use nearfield_shared::status::Channels;
 use nearfield_shared::limits::PULSE_LENGTH;
+use nearfield_shared::status::Channels;
 
 /// What the tasks get of the board.
 pub(crate) struct Board {

@@ -132,8 +132,7 @@ mod target {
         }
         let controller = CONTROLLER.init(SafetyController::new(SOURCE, MONITOR.take()));
         // Without a secret the self-tests have failed, and what takes its place is never used.
-        let inputs =
-            StartInputs { reset_cause, stored_rig: &stored, secret: secret.unwrap_or_default() };
+        let inputs = StartInputs { reset_cause, stored_rig: &stored, secret: secret.unwrap_or_default() };
         match controller.start(&inputs) {
             Ok(()) => defmt::info!("calibration in use"),
             Err(_) => defmt::warn!("no valid calibration: the relays stay open"),

@@ -26,7 +26,8 @@ pub(crate) struct WatchdogParts {
 
 impl WatchdogParts {
     fn start_window(&mut self) {
-        let _running = WindowWatchdog::new(self.window.reborrow(), WINDOW_WATCHDOG_MICROS, CLOSED_WINDOW_MICROS);
+        let _running =
+            WindowWatchdog::new(self.window.reborrow(), WINDOW_WATCHDOG_MICROS, CLOSED_WINDOW_MICROS);
     }
 
     fn start_independent(&mut self) {
