@@ -12,12 +12,14 @@
 //! | [`demo`] | the scripted minute: every promise stated, played, checked and reported |
 //! | [`scene_file`] | pictures with known truth, to measure with |
 //! | [`annotate`] | what was found, drawn on the picture |
+//! | [`campaign`] | thousands of made-up scenes: how often is the vision wrong? |
 //! | [`cli`] | the command `nearfield` |
 //!
 //! The way of a picture: [`capture::read_frame`] -> [`vision::Analyser`] -> [`line_scan::LineScanEncoder`] ->
 //! [`link::McuSession`].
 
 pub mod annotate;
+pub mod campaign;
 pub mod capture;
 pub mod cli;
 pub mod demo;

@@ -9,6 +9,7 @@ macro_rules! say {
     }};
 }
 
+pub mod campaign;
 pub mod demo;
 pub mod evaluate_scenes;
 pub mod extract;
@@ -42,6 +43,7 @@ enum Command {
     Replay(replay::Replay),
     Rig(rig::RigArguments),
     EvaluateScenes(evaluate_scenes::EvaluateScenes),
+    Campaign(campaign::Campaign),
     Twin(twin::TwinArguments),
 }
 
@@ -56,6 +58,7 @@ impl CommandLine {
             Command::Replay(replay) => replay.run(),
             Command::Rig(rig) => rig.run(),
             Command::EvaluateScenes(evaluate) => evaluate.run(),
+            Command::Campaign(campaign) => campaign.run(),
             Command::Twin(twin) => twin.run(),
         };
         match result {
