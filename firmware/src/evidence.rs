@@ -18,12 +18,14 @@ pub const SCAN_CAUSES: StopCauses = StopCauses::NONE
     .with(StopCause::Misaligned)
     .with(StopCause::Capability);
 
-/// The causes among them that a laser which is off on purpose brings about (arming).
+/// The causes among them that a laser which is off on purpose brings about (arming). The host sees the dark as well, and
+/// asks for a stop.
 pub const DARK_CAUSES: StopCauses = StopCauses::NONE
     .with(StopCause::StripeCut)
     .with(StopCause::StripeMissing)
     .with(StopCause::LargeObject)
     .with(StopCause::Drop)
+    .with(StopCause::HostRequest)
     .with(StopCause::Liveness);
 
 /// What one accepted line-scan, with the votes over its predecessors, disproves. Kept twice, the second time

@@ -7,6 +7,7 @@
 //! | [`rig_file`] | the rig's TOML file, checked field by field |
 //! | [`vision`] | the stripe in every column, sub-pixel; gaps, objects, heights at full resolution |
 //! | [`line_scan`] | full-resolution readings to the 1152 columns of the line-scan, hiding nothing |
+//! | [`light`] | how bright the stripe is, and the raw pixels that the safety controller asks for |
 //! | [`link`] | the safety controller, in this process or emulated, with its relays, button and clock |
 //! | [`twin`] | a renderer of camera pictures with exact truth |
 //! | [`demo`] | the scripted minute: every promise stated, played, checked and reported |
@@ -23,6 +24,7 @@ pub mod campaign;
 pub mod capture;
 pub mod cli;
 pub mod demo;
+pub mod light;
 pub mod line_scan;
 pub mod link;
 pub mod rig_file;

@@ -12,6 +12,10 @@ use nearfield_shared::monitor::ColumnReading;
 use nearfield_shared::rig::Rig;
 use nearfield_shared::units::{SignalQuality, SubpixelRow};
 
+use nearfield_shared::status::Challenge;
+
+use crate::capture::FrameView;
+use crate::light::LightReport;
 use crate::vision::grid::PictureGeometry;
 
 /// Makes line-scan columns for one rig; owns its memory.
@@ -20,6 +24,7 @@ pub struct LineScanEncoder {
     decimation: Decimation,
     geometry: Box<StripeGeometry<LARGEST_COLUMN_COUNT>>,
     columns: Vec<LineScanColumn>,
+    light: LightReport,
 }
 
 impl LineScanEncoder {
@@ -32,7 +37,7 @@ impl LineScanEncoder {
         let mut geometry = Box::new(StripeGeometry::empty());
         geometry.fill(rig, decimation)?;
         let columns = vec![LineScanColumn::MISSING; usize::from(decimation.count())];
-        Ok(Self { decimation, geometry, columns })
+        Ok(Self { decimation, geometry, columns, light: LightReport::new() })
     }
 
     /// The columns for one frame's readings (one per image column), which were measured with the maps of `picture`.
@@ -58,6 +63,26 @@ impl LineScanEncoder {
             }
         }
         &self.columns
+    }
+
+    /// The columns of the last [`Self::encode`].
+    #[must_use]
+    pub fn columns(&self) -> &[LineScanColumn] {
+        &self.columns
+    }
+
+    /// Measures the light of the picture that the last [`Self::encode`] was about, and answers the controller's audit.
+    pub fn measure_light(&mut self, view: &FrameView<'_>, challenge: &Challenge) -> &LightReport {
+        let geometry = &self.geometry;
+        let floor_row = |column| geometry.map(column).map(|map| map.floor_row);
+        self.light.measure(view, &self.columns, self.decimation, challenge, floor_row);
+        &self.light
+    }
+
+    /// The light of the last [`Self::measure_light`].
+    #[must_use]
+    pub const fn light(&self) -> &LightReport {
+        &self.light
     }
 
     /// Image columns to one column.

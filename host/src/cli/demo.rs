@@ -19,7 +19,7 @@ const BROKEN_PROMISE: u8 = 1;
 ///
 /// The digital twin renders every camera frame, the vision reads it, the line-scan goes to the firmware's own code, and
 /// its decisions move the (modelled) relays: reset, a cable, a box, a hand, a lying host, lost, damaged and repeated
-/// messages, a dead laser, a hung controller. Writes DIR/report.html (open it in a browser) and DIR/demo.json (every
+/// messages, a dead laser, a covered lens, a frozen camera, a replaying host, a hung controller. Writes DIR/report.html (open it in a browser) and DIR/demo.json (every
 /// frame). Exit code 0 if every promise was kept, 1 if not, 2 if it could not be played.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\

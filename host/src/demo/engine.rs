@@ -11,13 +11,14 @@ use std::time::Instant;
 use nearfield_shared::columns::GeometryError;
 use nearfield_shared::linescan::{HostVerdict, LINE_SCAN_LENGTH};
 use nearfield_shared::rig::Rig;
+use nearfield_shared::units::Micros;
 
 use super::check::{Evidence, millis};
 use super::health::HealthCount;
 use super::overlay;
 use super::record::{ActRecord, DemoRecord, FrameRecord, MessageFate};
 use super::script::{self, Act};
-use super::timeline::{Disturbance, Timeline};
+use super::timeline::{CameraFault, Disturbance, Timeline};
 use super::watch::{Traces, WatchedLink};
 use crate::capture::SizeMismatch;
 use crate::line_scan::LineScanEncoder;
@@ -54,6 +55,9 @@ pub enum DemoError {
     #[error("stopped from the keyboard")]
     Interrupted,
 }
+
+/// Half a second of pictures.
+const RECORDED_PICTURES: usize = 25;
 
 /// What the audience sees of a frame.
 #[derive(Debug, Clone, Copy)]
@@ -122,8 +126,8 @@ pub struct Engine {
     session: McuSession,
     traces: Rc<RefCell<Traces>>,
     last_message: Option<Box<[u8; LINE_SCAN_LENGTH]>>,
-    /// The laser's level at the beginning of the last frames, newest first: a picture is exposed before it is sent.
-    levels: [u8; 2],
+    /// The last pictures, oldest first: what a host that replays would have.
+    recorded: std::collections::VecDeque<Picture>,
     dice: Dice,
     interrupted_ms: Option<f64>,
     frames: Vec<FrameRecord>,
@@ -166,7 +170,7 @@ impl Engine {
             session: McuSession::start(Box::new(watched), rig)?,
             traces,
             last_message: None,
-            levels: [0; 2],
+            recorded: std::collections::VecDeque::new(),
             dice: Dice::new(seed),
             interrupted_ms: None,
             frames: Vec::new(),
@@ -212,17 +216,42 @@ impl Engine {
             self.twin.place(&objects)?;
             self.placed = objects;
         }
-        let level = if self.timeline.laser_dead(exposed) { 0 } else { self.levels[1] };
-        let drive = f32::from(level) / 255.0;
-        self.twin.render_into(u64::from(frame), drive, &mut self.picture);
+        let level = self.take_picture(frame, exposed);
         let camera = self.picture.to_yuv420_frame()?;
         self.analyser.update(&camera.view())?;
         self.profile.clear();
         self.profile.extend(self.analyser.profile().values());
+        let extractor = self.analyser.extractor();
+        self.encoder.encode(extractor.readings(), extractor.geometry());
+        self.encoder.measure_light(&camera.view(), self.session.challenge());
         let fate = self.send(now, facts)?;
-        self.levels = [self.session.outputs().laser_level, self.levels[0]];
         self.write_down(frame, now, level, fate)?;
         Ok(())
+    }
+
+    /// The camera's picture, or what a fault makes of it; returns the laser's level during the exposure.
+    fn take_picture(&mut self, frame: u32, exposed_ms: f64) -> u8 {
+        let middle = Micros::new((exposed_ms.max(0.0) * 1000.0) as u64);
+        let drive = if self.timeline.laser_dead(exposed_ms) {
+            0.0
+        } else {
+            self.session.mean_laser_drive(middle, FrameFacts::default().exposure)
+        };
+        match self.timeline.camera_fault_at(exposed_ms) {
+            None => self.twin.render_into(u64::from(frame), drive, &mut self.picture),
+            Some(CameraFault::Covered) => self.picture.rgb.fill(0),
+            Some(CameraFault::Frozen) => {}
+            Some(CameraFault::Replayed) => {
+                if let Some(oldest) = self.recorded.pop_front() {
+                    self.picture = oldest;
+                }
+            }
+        }
+        self.recorded.push_back(self.picture.clone());
+        if self.recorded.len() > RECORDED_PICTURES {
+            self.recorded.pop_front();
+        }
+        (255.0 * drive).round() as u8
     }
 
     /// The host's message and everything else that happens in this frame's period.
@@ -249,9 +278,9 @@ impl Engine {
             self.session.run_frame(Some(&old[..]))?;
             return Ok(MessageFate::Repeated);
         }
-        let extractor = self.analyser.extractor();
-        let columns = self.encoder.encode(extractor.readings(), extractor.geometry());
-        let mut message = self.session.next_line_scan(columns, FrameFacts { verdict, ..facts })?;
+        let facts = FrameFacts { verdict, ..facts };
+        let (columns, light) = (self.encoder.columns(), self.encoder.light());
+        let mut message = self.session.next_lit_line_scan(columns, light, facts)?;
         let fate = match disturbance {
             Some(Disturbance::Drop) => {
                 self.session.run_frame(None)?;

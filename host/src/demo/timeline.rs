@@ -3,6 +3,17 @@
 use super::script::{Act, Action, Cue};
 use crate::twin::SceneObject;
 
+/// What is wrong with the pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CameraFault {
+    /// See [`Action::LensCovered`].
+    Covered,
+    /// See [`Action::CameraFrozen`].
+    Frozen,
+    /// See [`Action::ReplayPictures`].
+    Replayed,
+}
+
 /// The acts one after the other.
 #[derive(Debug, Clone)]
 pub struct Timeline {
@@ -84,6 +95,17 @@ impl Timeline {
         self.cues_at(t_ms).any(|(_, cue)| matches!(cue.action, Action::LaserDead))
     }
 
+    /// What is wrong with the pictures.
+    #[must_use]
+    pub fn camera_fault_at(&self, t_ms: f64) -> Option<CameraFault> {
+        self.cues_at(t_ms).find_map(|(_, cue)| match cue.action {
+            Action::LensCovered => Some(CameraFault::Covered),
+            Action::CameraFrozen => Some(CameraFault::Frozen),
+            Action::ReplayPictures => Some(CameraFault::Replayed),
+            _ => None,
+        })
+    }
+
     /// What is wrong with the host or the link.
     #[must_use]
     pub fn disturbance_at(&self, t_ms: f64) -> Option<Disturbance> {
@@ -93,7 +115,13 @@ impl Timeline {
             Action::RepeatMessages => Some(Disturbance::Repeat),
             Action::ClaimClear => Some(Disturbance::ClaimClear),
             Action::RequestStop => Some(Disturbance::RequestStop),
-            Action::Visit(_) | Action::LaserDead | Action::HangController | Action::PressReset => None,
+            Action::Visit(_)
+            | Action::LaserDead
+            | Action::LensCovered
+            | Action::CameraFrozen
+            | Action::ReplayPictures
+            | Action::HangController
+            | Action::PressReset => None,
         })
     }
 

@@ -6,7 +6,7 @@ use std::rc::Rc;
 use nearfield_shared::status::Channels;
 use nearfield_shared::units::Micros;
 
-use crate::link::{LinkError, McuKind, McuLink, MirrorContacts, PinInputs, Reply};
+use crate::link::{LinkError, McuKind, McuLink, MirrorContacts, Reply, SECRET_LENGTH, SimulatedTick};
 
 /// A value and the times at which it changed; false at first.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -79,15 +79,20 @@ impl McuLink for WatchedLink {
         self.inner.kind()
     }
 
-    fn start(&mut self, now: Micros, stored_rig: &[u8]) -> Result<Reply, LinkError> {
-        let reply = self.inner.start(now, stored_rig);
+    fn start(
+        &mut self,
+        now: Micros,
+        secret: [u8; SECRET_LENGTH],
+        stored_rig: &[u8],
+    ) -> Result<Reply, LinkError> {
+        let reply = self.inner.start(now, secret, stored_rig);
         self.note(now, reply)
     }
 
-    fn tick(&mut self, now: Micros, pins: PinInputs) -> Result<Reply, LinkError> {
-        let proven_open = pins.mirror == MirrorContacts::BOTH_OPEN;
+    fn tick(&mut self, now: Micros, inputs: SimulatedTick) -> Result<Reply, LinkError> {
+        let proven_open = inputs.pins.mirror == MirrorContacts::BOTH_OPEN;
         self.traces.borrow_mut().contacts_closed.note(now, !proven_open);
-        let reply = self.inner.tick(now, pins);
+        let reply = self.inner.tick(now, inputs);
         self.note(now, reply)
     }
 

@@ -5,7 +5,7 @@
 //! says. Its watchdog is the board's, running on emulated instructions; its bite is seen through QEMU's monitor
 //! protocol (QMP). Everything lives in a temporary directory and goes away with this value.
 
-use super::{LinkError, McuKind, McuLink, Outputs, PinInputs, Reply, Watchdog};
+use super::{LinkError, McuKind, McuLink, Outputs, Reply, SECRET_LENGTH, SimulatedTick, Watchdog};
 use crate::link::emulator::{Emulator, Relays};
 use nearfield_firmware::lockstep::{REPLY_LENGTH, Request, RequestHeader};
 use nearfield_shared::limits::LARGEST_TRANSFER;
@@ -15,7 +15,8 @@ use nearfield_shared::units::Micros;
 /// A controller in QEMU.
 pub struct Emulated {
     emulator: Emulator,
-    stored_rig: Vec<u8>,
+    /// The secret and the stored rig, as the start's payload.
+    power_up: Vec<u8>,
     watchdog: Watchdog,
     watchdog_resets: u32,
 }
@@ -28,7 +29,7 @@ impl Emulated {
     pub fn new() -> Result<Self, LinkError> {
         Ok(Self {
             emulator: Emulator::launch("lockstep")?,
-            stored_rig: Vec::new(),
+            power_up: Vec::new(),
             watchdog: Watchdog::new(),
             watchdog_resets: 0,
         })
@@ -68,9 +69,9 @@ impl Emulated {
     }
 
     fn restart(&mut self, now: Micros) -> Result<Reply, LinkError> {
-        let rig = std::mem::take(&mut self.stored_rig);
-        let reply = self.ask(Request::Start, now, &rig);
-        self.stored_rig = rig;
+        let power_up = std::mem::take(&mut self.power_up);
+        let reply = self.ask(Request::Start, now, &power_up);
+        self.power_up = power_up;
         let reply = Reply { outputs: Outputs::SAFE, ..reply? };
         self.watchdog.started(now, &reply);
         Ok(reply)
@@ -93,17 +94,22 @@ impl McuLink for Emulated {
         McuKind::Emulated
     }
 
-    fn start(&mut self, now: Micros, stored_rig: &[u8]) -> Result<Reply, LinkError> {
-        self.stored_rig = stored_rig.to_vec();
+    fn start(
+        &mut self,
+        now: Micros,
+        secret: [u8; SECRET_LENGTH],
+        stored_rig: &[u8],
+    ) -> Result<Reply, LinkError> {
+        self.power_up = [&secret, stored_rig].concat();
         self.restart(now)
     }
 
-    fn tick(&mut self, now: Micros, pins: PinInputs) -> Result<Reply, LinkError> {
+    fn tick(&mut self, now: Micros, inputs: SimulatedTick) -> Result<Reply, LinkError> {
         self.bite_if_due(now)?;
         if let Some(frozen) = self.watchdog.frozen() {
             return Ok(frozen);
         }
-        let reply = self.ask(Request::Tick(pins), now, &[])?;
+        let reply = self.ask(Request::Tick(inputs), now, &[])?;
         self.watchdog.ticked(now, &reply);
         Ok(reply)
     }

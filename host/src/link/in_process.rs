@@ -1,7 +1,7 @@
 //! The firmware library in this process, with a model of the chip's watchdog around it.
 
-use super::{LinkError, McuKind, McuLink, Outputs, PinInputs, Reply, Watchdog};
-use nearfield_firmware::safety::{LineScanMonitor, SafetyController};
+use super::{LinkError, McuKind, McuLink, Outputs, Reply, SECRET_LENGTH, SimulatedTick, Watchdog};
+use nearfield_firmware::safety::{LineScanMonitor, SafetyController, StartInputs};
 use nearfield_shared::limits::LARGEST_TRANSFER;
 use nearfield_shared::status::{ResetCause, STATUS_LENGTH};
 use nearfield_shared::units::{Micros, SourceId};
@@ -13,6 +13,7 @@ pub(super) const SIMULATED_SOURCE: SourceId = SourceId::new(1);
 #[derive(Debug)]
 pub struct InProcess {
     controller: SafetyController<Box<LineScanMonitor>>,
+    secret: [u8; SECRET_LENGTH],
     stored_rig: Vec<u8>,
     watchdog: Watchdog,
 }
@@ -23,6 +24,7 @@ impl InProcess {
     pub fn new() -> Self {
         Self {
             controller: SafetyController::new(SIMULATED_SOURCE, Box::new(LineScanMonitor::new())),
+            secret: [0; SECRET_LENGTH],
             stored_rig: Vec::new(),
             watchdog: Watchdog::new(),
         }
@@ -30,7 +32,8 @@ impl InProcess {
 
     fn restart(&mut self, now: Micros, cause: ResetCause) -> Reply {
         // A rig that is refused is the controller's own cause to stop, and its status says so.
-        let _ = self.controller.start(cause, &self.stored_rig);
+        let start = StartInputs { reset_cause: cause, stored_rig: &self.stored_rig, secret: self.secret };
+        let _ = self.controller.start(&start);
         let reply = Reply { outputs: Outputs::SAFE, fed: false, status: self.controller.status(now) };
         self.watchdog.started(now, &reply);
         reply
@@ -54,17 +57,23 @@ impl McuLink for InProcess {
         McuKind::InProcess
     }
 
-    fn start(&mut self, now: Micros, stored_rig: &[u8]) -> Result<Reply, LinkError> {
+    fn start(
+        &mut self,
+        now: Micros,
+        secret: [u8; SECRET_LENGTH],
+        stored_rig: &[u8],
+    ) -> Result<Reply, LinkError> {
+        self.secret = secret;
         self.stored_rig = stored_rig.to_vec();
         Ok(self.restart(now, ResetCause::PowerOn))
     }
 
-    fn tick(&mut self, now: Micros, pins: PinInputs) -> Result<Reply, LinkError> {
+    fn tick(&mut self, now: Micros, inputs: SimulatedTick) -> Result<Reply, LinkError> {
         self.bite_if_due(now);
         if let Some(frozen) = self.watchdog.frozen() {
             return Ok(frozen);
         }
-        let output = self.controller.tick(now, pins);
+        let output = self.controller.tick(now, inputs.inputs(now));
         let reply = Reply {
             outputs: output.outputs,
             fed: output.permit.is_some(),

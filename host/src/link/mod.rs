@@ -12,8 +12,8 @@
 //! /// Powers up, arms with the reset button, and tells whether the relays have closed over a clean floor.
 //! fn arm(rig: &Rig, floor: &[LineScanColumn]) -> Result<bool, LinkError> {
 //!     let mut session = McuSession::start(Box::new(InProcess::new()), rig)?;
-//!     for frame in 0..40 {
-//!         if frame == 10 {
+//!     for frame in 0..80 {
+//!         if frame == 30 {
 //!             session.press_reset(); // pressed now, released 150 ms later
 //!         }
 //!         session.run_columns(floor, FrameFacts::default())?;
@@ -27,16 +27,19 @@ mod emulator;
 mod in_process;
 mod plant;
 mod session;
+mod simulated_light;
 
 pub use emulated::Emulated;
 pub use emulator::emulator_firmware;
 pub use in_process::InProcess;
-pub use plant::{RelayFault, RelayPlant};
+pub use plant::{DriverFault, RelayFault, RelayPlant};
 pub use session::{FRAME_PERIOD, FrameFacts, McuSession};
 
-pub use nearfield_firmware::lockstep::Reply;
+pub use nearfield_firmware::lockstep::{Reply, SimulatedSelfTest, SimulatedTick};
+pub use nearfield_firmware::output_test::{Channel, PulseReadback};
 pub use nearfield_firmware::relay::MirrorContacts;
 pub use nearfield_firmware::safety::{Indicator, Outputs, PinInputs};
+pub use nearfield_firmware::secret::SECRET_LENGTH;
 use nearfield_shared::limits::WATCHDOG_TIMEOUT;
 use nearfield_shared::linescan::LineScanError;
 use nearfield_shared::status::StatusError;
@@ -130,17 +133,23 @@ pub trait McuLink {
     /// Which kind it is.
     fn kind(&self) -> McuKind;
 
-    /// Power comes on; `stored_rig` is what its flash holds (a rig's compact form, or anything else).
+    /// Power comes on; `stored_rig` is what its flash holds (a rig's compact form, or anything else), `secret` what its
+    /// random number generator gives, now and after every reset.
     ///
     /// # Errors
     /// The controller cannot be reached. This is never the controller's verdict on the rig: see its status.
-    fn start(&mut self, now: Micros, stored_rig: &[u8]) -> Result<Reply, LinkError>;
+    fn start(
+        &mut self,
+        now: Micros,
+        secret: [u8; SECRET_LENGTH],
+        stored_rig: &[u8],
+    ) -> Result<Reply, LinkError>;
 
-    /// A tick of the safety task, every 5 ms. The reply's status is the one that the next exchange would carry.
+    /// A tick of the safety task, every 5 ms, with what its pins and self-tests say. The reply's status is the one that the next exchange would carry.
     ///
     /// # Errors
     /// The controller cannot be reached.
-    fn tick(&mut self, now: Micros, pins: PinInputs) -> Result<Reply, LinkError>;
+    fn tick(&mut self, now: Micros, inputs: SimulatedTick) -> Result<Reply, LinkError>;
 
     /// A full-duplex exchange, with a line-scan or (`None`) just for the status. The reply's status is the one that
     /// was sent, put together before the line-scan was looked at; a hung controller sends zeros.

@@ -1,6 +1,7 @@
-//! Two force-guided relays in series, as the controller's outputs drive them, with faults to inject.
+//! Two force-guided relays in series and the drivers of their coils, as the controller's outputs drive them, with
+//! faults to inject.
 
-use super::MirrorContacts;
+use super::{Channel, MirrorContacts, PulseReadback};
 use nearfield_shared::status::Channels;
 use nearfield_shared::units::Micros;
 
@@ -13,6 +14,19 @@ pub enum RelayFault {
     DeadCoil,
     /// The mirror contact's wire is broken: it reads "not proven open".
     BrokenFeedback,
+}
+
+/// What can be wrong with the drivers of the coils.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DriverFault {
+    /// This channel's coil is always driven.
+    StuckOn(Channel),
+    /// This channel's coil is never driven.
+    StuckOff(Channel),
+    /// The channels' outputs are connected: one drives both.
+    Shorted,
+    /// The pulses' readings never come.
+    NoReadback,
 }
 
 /// Time from coil on to contact closed. Source: typical force-guided relay.
@@ -64,19 +78,63 @@ impl Relay {
 #[derive(Debug, Clone, Copy)]
 pub struct RelayPlant {
     channels: [Relay; 2],
+    drivers: Option<DriverFault>,
+    /// What the controller's outputs say.
+    driven: Channels,
+    pulse: Option<PulseReadback>,
 }
 
 impl RelayPlant {
     /// Both dropped out, without fault.
     #[must_use]
     pub const fn new() -> Self {
-        Self { channels: [Relay::new(); 2] }
+        Self { channels: [Relay::new(); 2], drivers: None, driven: Channels::OPEN, pulse: None }
     }
 
     /// The controller's outputs drive the coils like this from `now` on.
     pub fn drive(&mut self, now: Micros, coils: Channels) {
+        self.driven = coils;
+        let coils = self.through_drivers(coils);
         for (relay, coil) in self.channels.iter_mut().zip([coils.a, coils.b]) {
             relay.drive(now, coil);
+        }
+    }
+
+    /// Applies a test pulse to the outputs as they are; [`Self::take_pulse`] gives what was read back. The relays are too
+    /// slow to notice.
+    pub fn apply_pulse(&mut self, channel: Channel) {
+        let coils = self.through_drivers(channel.inverted_in(self.driven));
+        self.pulse =
+            (self.drivers != Some(DriverFault::NoReadback)).then_some(PulseReadback { channel, coils });
+    }
+
+    /// The last pulse's reading, once.
+    pub const fn take_pulse(&mut self) -> Option<PulseReadback> {
+        self.pulse.take()
+    }
+
+    /// The coils as they are read back.
+    #[must_use]
+    pub fn coils(&self) -> Channels {
+        self.through_drivers(self.driven)
+    }
+
+    /// Breaks (or with `None` repairs) the drivers.
+    pub const fn set_driver_fault(&mut self, fault: Option<DriverFault>) {
+        self.drivers = fault;
+    }
+
+    fn through_drivers(&self, driven: Channels) -> Channels {
+        match self.drivers {
+            None | Some(DriverFault::NoReadback) => driven,
+            Some(DriverFault::StuckOn(Channel::A)) => Channels { a: true, ..driven },
+            Some(DriverFault::StuckOn(Channel::B)) => Channels { b: true, ..driven },
+            Some(DriverFault::StuckOff(Channel::A)) => Channels { a: false, ..driven },
+            Some(DriverFault::StuckOff(Channel::B)) => Channels { b: false, ..driven },
+            Some(DriverFault::Shorted) => {
+                let any = driven.a || driven.b;
+                Channels { a: any, b: any }
+            }
         }
     }
 
@@ -166,5 +224,27 @@ mod tests {
         plant.set_fault_b(Some(RelayFault::BrokenFeedback));
         assert_eq!(plant.mirror_contacts(Micros::from_millis(50)), MirrorContacts { a: true, b: false });
         assert_eq!(plant.main_contacts(), Channels::OPEN);
+    }
+
+    #[test]
+    fn drivers_read_back_what_their_faults_make_of_the_command() {
+        let read = |fault, driven, channel| {
+            let mut plant = RelayPlant::new();
+            plant.set_driver_fault(fault);
+            plant.drive(Micros::ZERO, driven);
+            plant.apply_pulse(channel);
+            let coils = plant.coils();
+            (coils, plant.take_pulse().map(|pulse| pulse.coils), plant.take_pulse())
+        };
+        let both = |a, b| Channels { a, b };
+        let (open, closed) = (Channels::OPEN, Channels::CLOSED);
+        assert_eq!(read(None, closed, Channel::A), (closed, Some(both(false, true)), None));
+        assert_eq!(read(None, open, Channel::B), (open, Some(both(false, true)), None));
+        let stuck = Some(DriverFault::StuckOn(Channel::A));
+        assert_eq!(read(stuck, open, Channel::A), (both(true, false), Some(both(true, false)), None));
+        let stuck = Some(DriverFault::StuckOff(Channel::B));
+        assert_eq!(read(stuck, closed, Channel::B), (both(true, false), Some(both(true, false)), None));
+        assert_eq!(read(Some(DriverFault::Shorted), closed, Channel::A), (closed, Some(closed), None));
+        assert_eq!(read(Some(DriverFault::NoReadback), closed, Channel::A), (closed, None, None));
     }
 }

@@ -1,17 +1,25 @@
 //! A controller with its relays, its reset button and its host, on a virtual clock.
 
 use super::in_process::SIMULATED_SOURCE;
-use super::{LinkError, McuKind, McuLink, Outputs, PinInputs, RelayPlant};
+use super::simulated_light::{self, SimulatedLight};
+use super::{
+    LinkError, McuKind, McuLink, Outputs, PinInputs, RelayPlant, SECRET_LENGTH, SimulatedSelfTest,
+    SimulatedTick,
+};
+use crate::light::LightReport;
 use nearfield_shared::limits::{SHORTEST_RESET_PRESS, TICK_PERIOD};
 use nearfield_shared::linescan::{HostVerdict, LINE_SCAN_LENGTH, LineScanColumn, LineScanHeader, encode};
 use nearfield_shared::rig::Rig;
-use nearfield_shared::status::Status;
+use nearfield_shared::status::{Challenge, Status};
 use nearfield_shared::units::{CalibrationId, Micros, SequenceNumber};
 
 /// The camera's frame period at 50 frames per second.
 pub const FRAME_PERIOD: Micros = Micros::from_millis(20);
 /// A person's press of the reset button in the simulation: half as long again as the shortest valid one.
 const RESET_PRESS: Micros = Micros::new(SHORTEST_RESET_PRESS.get() * 3 / 2);
+
+/// The secret of simulated controllers, for runs that can be repeated.
+const SIMULATED_SECRET: [u8; SECRET_LENGTH] = *b"a simulated chip";
 
 /// What goes into a line-scan's header for one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,6 +55,12 @@ pub struct McuSession {
     button_until: Option<Micros>,
     sequence: SequenceNumber,
     last_status_number: u32,
+    challenge: Challenge,
+    light: SimulatedLight,
+    /// The service key is turned.
+    pub service_key: bool,
+    /// What the self-tests say; open to faults.
+    pub self_test: SimulatedSelfTest,
     outputs: Outputs,
     status: Status,
 }
@@ -65,12 +79,25 @@ impl McuSession {
     /// # Errors
     /// The controller cannot be reached.
     pub fn start_with_stored(
-        mut link: Box<dyn McuLink>,
+        link: Box<dyn McuLink>,
         stored_rig: &[u8],
         calibration: CalibrationId,
     ) -> Result<Self, LinkError> {
+        Self::start_with_secret(link, stored_rig, calibration, SIMULATED_SECRET)
+    }
+
+    /// As [`Self::start_with_stored`], with another secret than every other session's.
+    ///
+    /// # Errors
+    /// The controller cannot be reached.
+    pub fn start_with_secret(
+        mut link: Box<dyn McuLink>,
+        stored_rig: &[u8],
+        calibration: CalibrationId,
+        secret: [u8; SECRET_LENGTH],
+    ) -> Result<Self, LinkError> {
         let now = Micros::ZERO;
-        let reply = link.start(now, stored_rig)?;
+        let reply = link.start(now, secret, stored_rig)?;
         let status = Status::parse(&reply.status)?;
         let mut session = Self {
             link,
@@ -82,6 +109,10 @@ impl McuSession {
             button_until: None,
             sequence: SequenceNumber::new(0),
             last_status_number: 0,
+            challenge: Challenge::default(),
+            light: SimulatedLight::default(),
+            service_key: false,
+            self_test: SimulatedSelfTest::Passed,
             outputs: reply.outputs,
             status,
         };
@@ -105,10 +136,12 @@ impl McuSession {
             exposure: facts.exposure,
             last_status: self.last_status_number,
             verdict: facts.verdict,
+            ambient: 0,
+            saturated: 0,
         }
     }
 
-    /// The next line-scan's bytes, sealed.
+    /// The next line-scan's bytes, sealed: these columns as they are, in simulated light.
     ///
     /// # Errors
     /// No columns or more than fit.
@@ -117,19 +150,65 @@ impl McuSession {
         columns: &[LineScanColumn],
         facts: FrameFacts,
     ) -> Result<Box<[u8; LINE_SCAN_LENGTH]>, LinkError> {
-        let header = self.next_header(facts);
+        let level = self.light.level_at(self.now.since(facts.capture_age));
+        let light = simulated_light::report(columns, level, &self.challenge);
+        self.next_lit_line_scan(columns, &light, facts)
+    }
+
+    /// The next line-scan's bytes, sealed: these columns in the light that a picture showed.
+    ///
+    /// # Errors
+    /// No columns or more than fit.
+    pub fn next_lit_line_scan(
+        &mut self,
+        columns: &[LineScanColumn],
+        light: &LightReport,
+        facts: FrameFacts,
+    ) -> Result<Box<[u8; LINE_SCAN_LENGTH]>, LinkError> {
+        let LightReport { brightness, windows, ambient, saturated } = light;
+        let header = LineScanHeader { ambient: *ambient, saturated: *saturated, ..self.next_header(facts) };
         let mut message = Box::new([0; LINE_SCAN_LENGTH]);
-        encode(&mut message, &header, columns, &[])?;
+        encode(&mut message, &header, columns, brightness, windows)?;
         Ok(message)
     }
 
-    /// One frame period with this line-scan: the exchange at its beginning, then the ticks in it.
+    /// One frame period with a scene that has these columns when the laser lights it: the exchange at its beginning,
+    /// then the ticks in it. The session stands in for an honest camera: brightness and audit pixels are simulated, and
+    /// a picture that was exposed in the dark shows no stripe.
     ///
     /// # Errors
     /// The controller cannot be reached, or the columns fit no line-scan.
     pub fn run_columns(&mut self, columns: &[LineScanColumn], facts: FrameFacts) -> Result<(), LinkError> {
-        let message = self.next_line_scan(columns, facts)?;
+        let dark = vec![LineScanColumn::MISSING; columns.len()];
+        let lit = self.light.level_at(self.now.since(facts.capture_age)) > 0;
+        let message = self.next_line_scan(if lit { columns } else { &dark }, facts)?;
         self.run_frame(Some(&message[..]))
+    }
+
+    /// As [`Self::run_columns`], with light that was measured in a picture.
+    ///
+    /// # Errors
+    /// The controller cannot be reached, or the columns fit no line-scan.
+    pub fn run_lit_columns(
+        &mut self,
+        columns: &[LineScanColumn],
+        light: &LightReport,
+        facts: FrameFacts,
+    ) -> Result<(), LinkError> {
+        let message = self.next_lit_line_scan(columns, light, facts)?;
+        self.run_frame(Some(&message[..]))
+    }
+
+    /// The columns that the newest status asks for.
+    #[must_use]
+    pub const fn challenge(&self) -> &Challenge {
+        &self.challenge
+    }
+
+    /// The laser's mean drive over an exposure, 0 (off) to 1: what a simulated camera collects.
+    #[must_use]
+    pub fn mean_laser_drive(&self, middle: Micros, length: Micros) -> f32 {
+        self.light.mean_level(middle, length)
     }
 
     /// One frame period with any message, or (`None`) without any exchange: a dropped frame.
@@ -206,7 +285,7 @@ impl McuSession {
         let reply = self.link.exchange(self.now, message)?;
         // A controller that hangs answers nothing readable; the host then keeps what it last heard.
         if let Ok(status) = Status::parse(&reply.status) {
-            self.last_status_number = status.number;
+            (self.last_status_number, self.challenge) = (status.number, status.challenge);
         }
         self.apply(self.now, reply.outputs);
         Ok(())
@@ -215,10 +294,19 @@ impl McuSession {
     fn tick(&mut self) -> Result<(), LinkError> {
         let now = self.next_tick;
         let reset_pressed = self.button_until.is_some_and(|until| now < until);
-        let pins = PinInputs { mirror: self.plant.mirror_contacts(now), reset_pressed };
-        let reply = self.link.tick(now, pins)?;
+        let pins = PinInputs {
+            mirror: self.plant.mirror_contacts(now),
+            reset_pressed,
+            service_key: self.service_key,
+            coils: self.plant.coils(),
+            pulse: self.plant.take_pulse(),
+        };
+        let reply = self.link.tick(now, SimulatedTick { pins, self_test: self.self_test })?;
         self.status = Status::parse(&reply.status)?;
         self.apply(now, reply.outputs);
+        if let Some(channel) = reply.outputs.pulse {
+            self.plant.apply_pulse(channel);
+        }
         self.next_tick = now.plus(TICK_PERIOD);
         Ok(())
     }
@@ -226,5 +314,6 @@ impl McuSession {
     fn apply(&mut self, now: Micros, outputs: Outputs) {
         self.outputs = outputs;
         self.plant.drive(now, outputs.relays);
+        self.light.follow(now, outputs.laser_level);
     }
 }
