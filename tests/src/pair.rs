@@ -1,7 +1,9 @@
 //! Both safety controllers at once, the firmware library in this process and the Arm binary in QEMU: every answer must
 //! be the same, to the bit.
 
-use nearfield_host::link::{Emulated, InProcess, LinkError, McuKind, McuLink, PinInputs, Reply};
+use nearfield_host::link::{
+    Emulated, InProcess, LinkError, McuKind, McuLink, Reply, SECRET_LENGTH, SimulatedTick,
+};
 use nearfield_shared::status::Status;
 use nearfield_shared::units::Micros;
 
@@ -58,17 +60,73 @@ impl Pair {
     }
 }
 
+/// A pair that can still be asked for its digest while a session drives it.
+#[derive(Clone)]
+pub struct SharedPair(std::rc::Rc<std::cell::RefCell<Pair>>);
+
+impl SharedPair {
+    /// Around a pair.
+    #[must_use]
+    pub fn new(pair: Pair) -> Self {
+        Self(std::rc::Rc::new(std::cell::RefCell::new(pair)))
+    }
+
+    /// See [`Pair::digest`].
+    #[must_use]
+    pub fn digest(&self) -> u64 {
+        self.0.borrow().digest()
+    }
+
+    /// See [`Pair::closed_replies`].
+    #[must_use]
+    pub fn closed_replies(&self) -> u32 {
+        self.0.borrow().closed_replies()
+    }
+}
+
+impl McuLink for SharedPair {
+    fn kind(&self) -> McuKind {
+        self.0.borrow().kind()
+    }
+
+    fn start(
+        &mut self,
+        now: Micros,
+        secret: [u8; SECRET_LENGTH],
+        stored_rig: &[u8],
+    ) -> Result<Reply, LinkError> {
+        self.0.borrow_mut().start(now, secret, stored_rig)
+    }
+
+    fn tick(&mut self, now: Micros, inputs: SimulatedTick) -> Result<Reply, LinkError> {
+        self.0.borrow_mut().tick(now, inputs)
+    }
+
+    fn exchange(&mut self, now: Micros, line_scan: Option<&[u8]>) -> Result<Reply, LinkError> {
+        self.0.borrow_mut().exchange(now, line_scan)
+    }
+
+    fn hang(&mut self, now: Micros) -> Result<(), LinkError> {
+        self.0.borrow_mut().hang(now)
+    }
+}
+
 impl McuLink for Pair {
     fn kind(&self) -> McuKind {
         self.emulated.kind()
     }
 
-    fn start(&mut self, now: Micros, stored_rig: &[u8]) -> Result<Reply, LinkError> {
-        self.both(|link| link.start(now, stored_rig))
+    fn start(
+        &mut self,
+        now: Micros,
+        secret: [u8; SECRET_LENGTH],
+        stored_rig: &[u8],
+    ) -> Result<Reply, LinkError> {
+        self.both(|link| link.start(now, secret, stored_rig))
     }
 
-    fn tick(&mut self, now: Micros, pins: PinInputs) -> Result<Reply, LinkError> {
-        self.both(|link| link.tick(now, pins))
+    fn tick(&mut self, now: Micros, inputs: SimulatedTick) -> Result<Reply, LinkError> {
+        self.both(|link| link.tick(now, inputs))
     }
 
     fn exchange(&mut self, now: Micros, line_scan: Option<&[u8]>) -> Result<Reply, LinkError> {

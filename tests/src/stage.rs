@@ -9,6 +9,11 @@ use nearfield_shared::rig::Rig;
 use nearfield_shared::units::{SignalQuality, SubpixelRow};
 use std::path::Path;
 
+/// Frames of clean floor after which a fresh controller waits for its reset button.
+pub const READY_FRAMES: u32 = 25;
+/// Frames from the press of the button until the relays are certainly closed: press, dark test, light again.
+pub const ARMING_FRAMES: u32 = 35;
+
 /// A rig and its column maps.
 pub struct Stage {
     /// The rig.
@@ -80,9 +85,9 @@ impl Stage {
     /// # Panics
     /// The relays do not close.
     pub fn armed_with(&self, link: Box<dyn McuLink>) -> Result<McuSession, LinkError> {
-        let mut session = self.session(link, 10)?;
+        let mut session = self.session(link, READY_FRAMES)?;
         session.press_reset();
-        run_clean(&mut session, self, 15)?;
+        run_clean(&mut session, self, ARMING_FRAMES)?;
         assert!(session.relay_closed(), "not armed: {:?}", session.status());
         Ok(session)
     }

@@ -2,13 +2,13 @@
 //! simulated life of start, reset, every kind of scene and every kind of link fault. The answers' digest is kept.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "the helpers of tests may fail them")]
 
-use nearfield_host::link::{Emulated, FrameFacts, McuLink as _, MirrorContacts, PinInputs};
-use nearfield_shared::linescan::{HostVerdict, LINE_SCAN_LENGTH, LineScanColumn, LineScanHeader, encode};
-use nearfield_shared::status::Status;
-use nearfield_shared::units::{Micros, SequenceNumber, SourceId};
+use nearfield_host::link::{Emulated, FrameFacts, McuSession};
+use nearfield_shared::linescan::{HostVerdict, LINE_SCAN_LENGTH, LineScanColumn};
+use nearfield_shared::units::Micros;
+use nearfield_shared::wire::{SEAL_LENGTH, checksum};
 use nearfield_tests::emulator::without_emulator;
 use nearfield_tests::oracle::Random;
-use nearfield_tests::pair::Pair;
+use nearfield_tests::pair::{Pair, SharedPair};
 use nearfield_tests::stage::Stage;
 
 const SEED: u64 = 20_260_402;
@@ -58,37 +58,25 @@ fn emulated_and_in_process_controllers_answer_the_same_bytes() {
     };
     println!("seed {SEED}");
     let stage = Stage::new();
-    let mut pair = Pair::new(emulated);
-    let rig = stage.rig.to_bytes();
-    pair.start(Micros::ZERO, &rig).unwrap();
+    let pair = SharedPair::new(Pair::new(emulated));
+    let mut session = McuSession::start(Box::new(pair.clone()), &stage.rig).unwrap();
     let mut random = Random::new(SEED);
     let floor = stage.floor();
     let mut columns = floor.clone();
-    let (mut sequence, mut last_status) = (0, 0);
-    let mut mirror = MirrorContacts::BOTH_OPEN;
     let mut scene_left = 0;
-    for frame in 0..u64::from(SCANS) {
-        let start = Micros::from_millis(frame * 20);
+    for frame in 0..SCANS {
         if scene_left == 0 {
             // Mostly clean floor, so that the relays get closed between the scenes.
-            scene_left = if below(&mut random, 3) == 0 {
-                1 + below(&mut random, 4)
-            } else {
-                15 + below(&mut random, 30)
-            };
-            columns = if scene_left < 6 { random_columns(&stage, &mut random) } else { floor.clone() };
+            let scene = below(&mut random, 3) == 0;
+            scene_left = if scene { 1 + below(&mut random, 4) } else { 70 + below(&mut random, 80) };
+            columns = if scene { random_columns(&stage, &mut random) } else { floor.clone() };
         }
         scene_left -= 1;
-        sequence += 1;
-        let message = message(&stage, &columns, &mut random, &mut sequence, last_status);
-        let reply = pair.exchange(start, message.as_deref()).unwrap();
-        last_status = Status::parse(&reply.status).unwrap().number;
-        for tick in 0..4 {
-            let now = start.plus(Micros::from_millis(tick * 5));
-            let reset_pressed = frame % 16 >= 2 && frame % 16 < 10;
-            let reply = pair.tick(now, PinInputs { mirror, reset_pressed }).unwrap();
-            mirror = MirrorContacts { a: !reply.outputs.relays.a, b: !reply.outputs.relays.b };
+        if frame % 40 == 30 {
+            session.press_reset();
         }
+        let message = message(&mut session, &columns, &mut random);
+        session.run_frame(message.as_deref()).unwrap();
     }
     println!("digest {:#018x}, relays closed in {} replies", pair.digest(), pair.closed_replies());
     assert!(pair.closed_replies() > SCANS, "the run must exercise closed relays, too");
@@ -97,39 +85,36 @@ fn emulated_and_in_process_controllers_answer_the_same_bytes() {
 }
 
 /// The frame's message: mostly a good one, now and then nothing or a broken one.
-fn message(
-    stage: &Stage,
-    columns: &[LineScanColumn],
-    random: &mut Random,
-    sequence: &mut u32,
-    last_status: u32,
-) -> Option<Vec<u8>> {
-    let fault = below(random, 150);
-    let facts = FrameFacts::default();
-    let mut header = LineScanHeader {
-        source: SourceId::new(1),
-        calibration: stage.rig.calibration_id(),
-        sequence: SequenceNumber::new(*sequence),
-        capture_age: facts.capture_age,
-        exposure: facts.exposure,
-        last_status,
-        verdict: facts.verdict,
-    };
+fn message(session: &mut McuSession, columns: &[LineScanColumn], random: &mut Random) -> Option<Vec<u8>> {
+    let fault = below(random, 300);
+    let mut facts = FrameFacts::default();
     match fault {
         0 => return None,
-        1 => header.source = SourceId::new(2),
-        2 => header.verdict = HostVerdict::Stop,
-        3 => header.capture_age = Micros::from_millis(61),
-        4 => *sequence += 5,
-        5 => header.last_status = last_status.saturating_sub(5),
+        1 => facts.verdict = HostVerdict::Stop,
+        2 => facts.capture_age = Micros::from_millis(61),
+        3 => {
+            for _ in 0..5 {
+                session.next_header(facts);
+            }
+        }
         _ => {}
     }
-    let mut bytes = [0; LINE_SCAN_LENGTH];
-    encode(&mut bytes, &header, columns, &[]).unwrap();
+    let mut bytes = session.next_scene_line_scan(columns, facts).unwrap().to_vec();
     match fault {
-        6 => bytes[below(random, LINE_SCAN_LENGTH as u64) as usize] ^= 4,
-        7 => return Some(bytes[..100].to_vec()),
+        // Another module, an older status, light that does not fit, no audit windows: each with a good seal.
+        4 => bytes[6] ^= 3,
+        5 => bytes[24] = bytes[24].wrapping_sub(5),
+        6 => bytes[3492..3620].fill(0x50),
+        7 => bytes[32] = 0,
+        8 => {
+            bytes[below(random, LINE_SCAN_LENGTH as u64) as usize] ^= 4;
+            return Some(bytes);
+        }
+        9 => return Some(bytes[..100].to_vec()),
         _ => {}
     }
-    Some(bytes.to_vec())
+    let body = LINE_SCAN_LENGTH - SEAL_LENGTH;
+    let seal = checksum(&bytes[..body]).to_le_bytes();
+    bytes[body..].copy_from_slice(&seal);
+    Some(bytes)
 }

@@ -7,7 +7,7 @@ use nearfield_shared::causes::StopCause;
 use nearfield_shared::limits::WATCHDOG_TIMEOUT;
 use nearfield_shared::status::{ResetCause, StateCode};
 use nearfield_tests::emulator::without_emulator;
-use nearfield_tests::stage::{Stage, run_clean};
+use nearfield_tests::stage::{ARMING_FRAMES, Stage, run_clean};
 
 /// The rules, for either controller: after the watchdog's time the relays are open, the reason is told, nothing
 /// closes them but the reset button.
@@ -31,7 +31,7 @@ fn hang_and_recover(stage: &Stage, link: Box<dyn McuLink>) {
 
 fn press_and_check(session: &mut McuSession, stage: &Stage) {
     session.press_reset();
-    run_clean(session, stage, 15).unwrap();
+    run_clean(session, stage, ARMING_FRAMES).unwrap();
     assert!(session.relay_closed());
     assert!(session.status().latched_causes.is_empty());
 }
@@ -58,7 +58,7 @@ fn the_emulated_boards_leds_follow_and_its_watchdog_resets_are_counted() {
     };
     let stage = Stage::new();
     let now = nearfield_shared::units::Micros::ZERO;
-    link.start(now, &stage.rig.to_bytes()).unwrap();
+    link.start(now, [7; 16], &stage.rig.to_bytes()).unwrap();
     assert_eq!(link.watchdog_resets(), 0);
     link.hang(now).unwrap();
     assert_eq!(link.watchdog_resets(), 1);

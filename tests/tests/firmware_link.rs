@@ -4,16 +4,17 @@
 use nearfield_firmware::link::Refusal;
 use nearfield_host::link::{FRAME_PERIOD, FrameFacts, InProcess, McuSession};
 use nearfield_shared::causes::StopCause;
-use nearfield_shared::limits::{LINK_TIMEOUT, LONGEST_CAPTURE_AGE};
+use nearfield_shared::light::BrightnessProfile;
+use nearfield_shared::limits::{LINK_ERROR_INTERVAL, LINK_TIMEOUT, LONGEST_CAPTURE_AGE};
 use nearfield_shared::linescan::{LINE_SCAN_LENGTH, LineScanHeader, encode};
-use nearfield_shared::status::STATUS_LENGTH;
+use nearfield_shared::status::{STATUS_LENGTH, Warnings};
 use nearfield_shared::units::{CalibrationId, Micros, SequenceNumber, SourceId};
-use nearfield_tests::stage::{Stage, run_clean};
+use nearfield_tests::stage::{READY_FRAMES, Stage, run_clean};
 use proptest::prelude::*;
 
 fn message_of(stage: &Stage, header: &LineScanHeader) -> Vec<u8> {
     let mut bytes = [0; LINE_SCAN_LENGTH];
-    encode(&mut bytes, header, &stage.floor(), &[]).unwrap();
+    encode(&mut bytes, header, &stage.floor(), &BrightnessProfile::DARK, &[]).unwrap();
     bytes.to_vec()
 }
 
@@ -27,27 +28,55 @@ fn count(session: &McuSession, refusal: Refusal) -> u32 {
     session.status().refused[index]
 }
 
-/// One wrong message among good ones: the relays open at once, under the right name, counted once, and stay open.
-fn one_wrong_message_stops(refusal: Refusal, wrong: impl FnOnce(&Stage, &mut McuSession) -> Vec<u8>) {
+/// One wrong message among good ones is discarded, counted under its own name, and warned of. The second one opens the
+/// relays at once, and they stay open until somebody acknowledges it.
+fn a_second_wrong_message_stops(refusal: Refusal, mut wrong: impl FnMut(&Stage, &mut McuSession) -> Vec<u8>) {
     let stage = Stage::new();
     let mut session = stage.armed();
     let message = wrong(&stage, &mut session);
-    let before = session.status().refused;
     session.run_frame(Some(&message)).unwrap();
-    assert!(!session.relay_commanded_closed(), "{refusal:?}");
+    assert!(session.relay_commanded_closed(), "{refusal:?}: the first one is discarded");
+    assert_eq!((total(&session), count(&session, refusal)), (1, 1), "counted once, under its own name");
+    assert!(session.status().warnings.has_any(Warnings::LINK));
+    run_clean(&mut session, &stage, 3).unwrap();
+    let before = (total(&session), count(&session, refusal));
+    let message = wrong(&stage, &mut session);
+    session.run_frame(Some(&message)).unwrap();
+    assert!(!session.relay_commanded_closed(), "{refusal:?}: the second one stops");
     assert!(session.status().live_causes.contains(refusal.cause()), "{refusal:?}");
     assert!(session.status().latched_causes.contains(refusal.cause()), "{refusal:?}");
-    let counted: u32 = session.status().refused.iter().sum::<u32>() - before.iter().sum::<u32>();
-    assert_eq!((counted, count(&session, refusal)), (1, 1), "counted once, under its own name");
+    assert_eq!((total(&session), count(&session, refusal)), (before.0 + 1, before.1 + 1));
     run_clean(&mut session, &stage, 50).unwrap();
     assert!(!session.relay_commanded_closed(), "good messages afterwards do not restart");
     assert!(session.status().latched_causes.contains(refusal.cause()));
     assert!(!session.status().live_causes.contains(refusal.cause()), "the link has recovered");
 }
 
+fn total(session: &McuSession) -> u32 {
+    session.status().refused.iter().sum()
+}
+
+/// Rare single errors, each longer than the interval after the one before, never stop.
+#[test]
+fn single_errors_far_apart_are_discarded_for_ever() {
+    let stage = Stage::new();
+    let mut session = stage.armed();
+    for errors in 1..4 {
+        let mut message = good_message(&stage, &mut session);
+        message[700] ^= 1;
+        session.run_frame(Some(&message)).unwrap();
+        let until = session.now().plus(LINK_ERROR_INTERVAL);
+        while session.now() <= until {
+            run_clean(&mut session, &stage, 50).unwrap();
+            assert!(session.relay_closed());
+        }
+        assert_eq!(count(&session, Refusal::Corruption), errors);
+    }
+}
+
 #[test]
 fn corruption_stops() {
-    one_wrong_message_stops(Refusal::Corruption, |stage, session| {
+    a_second_wrong_message_stops(Refusal::Corruption, |stage, session| {
         let mut message = good_message(stage, session);
         message[1000] ^= 0x10;
         message
@@ -56,12 +85,12 @@ fn corruption_stops() {
 
 #[test]
 fn an_inserted_message_of_another_kind_stops() {
-    one_wrong_message_stops(Refusal::Format, |_, _| vec![0x55; STATUS_LENGTH]);
+    a_second_wrong_message_stops(Refusal::Format, |_, _| vec![0x55; STATUS_LENGTH]);
 }
 
 #[test]
 fn a_message_from_another_module_stops() {
-    one_wrong_message_stops(Refusal::Source, |stage, session| {
+    a_second_wrong_message_stops(Refusal::Source, |stage, session| {
         let header = session.next_header(FrameFacts::default());
         message_of(stage, &LineScanHeader { source: SourceId::new(2), ..header })
     });
@@ -69,7 +98,7 @@ fn a_message_from_another_module_stops() {
 
 #[test]
 fn a_message_with_another_calibration_stops() {
-    one_wrong_message_stops(Refusal::Calibration, |stage, session| {
+    a_second_wrong_message_stops(Refusal::Calibration, |stage, session| {
         let header = session.next_header(FrameFacts::default());
         let calibration = CalibrationId::new(header.calibration.get() ^ 1);
         message_of(stage, &LineScanHeader { calibration, ..header })
@@ -78,7 +107,7 @@ fn a_message_with_another_calibration_stops() {
 
 #[test]
 fn a_repeated_message_stops() {
-    one_wrong_message_stops(Refusal::Repetition, |stage, session| {
+    a_second_wrong_message_stops(Refusal::Repetition, |stage, session| {
         let message = good_message(stage, session);
         session.run_frame(Some(&message)).unwrap();
         message
@@ -88,7 +117,7 @@ fn a_repeated_message_stops() {
 #[test]
 fn a_sequence_number_that_lies_behind_or_too_far_ahead_stops() {
     for step in [2_i64, -1, i64::from(u32::MAX / 2)] {
-        one_wrong_message_stops(Refusal::Sequence, |stage, session| {
+        a_second_wrong_message_stops(Refusal::Sequence, |stage, session| {
             let header = session.next_header(FrameFacts::default());
             let number = (i64::from(header.sequence.get()) + step) as u32;
             // One behind is the number that was accepted last, that is a repetition: go two back.
@@ -101,7 +130,7 @@ fn a_sequence_number_that_lies_behind_or_too_far_ahead_stops() {
 #[test]
 fn a_picture_that_is_too_old_by_the_hosts_own_word_stops() {
     let age = LONGEST_CAPTURE_AGE.plus(Micros::new(1));
-    one_wrong_message_stops(Refusal::Delay, |stage, session| {
+    a_second_wrong_message_stops(Refusal::Delay, |stage, session| {
         let header = session.next_header(FrameFacts { capture_age: age, ..FrameFacts::default() });
         message_of(stage, &header)
     });
@@ -116,7 +145,7 @@ fn a_picture_that_is_too_old_by_the_hosts_own_word_stops() {
 /// finds it, whatever the host says about the picture's age.
 #[test]
 fn a_replayed_recording_stops() {
-    one_wrong_message_stops(Refusal::Delay, |stage, session| {
+    a_second_wrong_message_stops(Refusal::Delay, |stage, session| {
         let recorded = session.next_header(FrameFacts::default());
         let first = message_of(stage, &recorded);
         session.run_frame(Some(&first)).unwrap();
@@ -129,7 +158,7 @@ fn a_replayed_recording_stops() {
 #[test]
 fn a_message_that_answers_no_status_at_all_stops() {
     for number in [0, u32::MAX] {
-        one_wrong_message_stops(Refusal::Delay, |stage, session| {
+        a_second_wrong_message_stops(Refusal::Delay, |stage, session| {
             let header = session.next_header(FrameFacts::default());
             message_of(stage, &LineScanHeader { last_status: number, ..header })
         });
@@ -156,7 +185,8 @@ fn one_lost_line_scan_is_tolerated_and_a_second_one_in_a_row_is_not() {
     assert_eq!(session.status().refused, [0; 8]);
     lose(&mut session, &stage, 2);
     assert!(!session.relay_commanded_closed());
-    assert!(session.status().latched_causes.contains(StopCause::LinkSequence));
+    assert!(session.status().latched_causes.contains(StopCause::LinkTimeout));
+    assert_eq!(count(&session, Refusal::Sequence), 1, "the gap in the numbers is seen, too");
 }
 
 #[test]
@@ -198,8 +228,8 @@ fn without_line_scans_the_relays_never_close() {
 /// A fresh controller that is shown `message` in every frame, and its reset button pressed, never closes.
 fn never_closes(stage: &Stage, message: &[u8]) {
     let mut session = stage.session(Box::new(InProcess::new()), 0).unwrap();
-    for frame in 0..16 {
-        if frame == 4 {
+    for frame in 0..60 {
+        if frame == 20 {
             session.press_reset();
         }
         session.run_frame(Some(message)).unwrap();
@@ -208,12 +238,14 @@ fn never_closes(stage: &Stage, message: &[u8]) {
 }
 
 #[test]
-fn a_truncated_message_opens_closed_relays() {
+fn truncated_messages_open_closed_relays() {
     let stage = Stage::new();
     for length in (0..LINE_SCAN_LENGTH).step_by(97).chain([LINE_SCAN_LENGTH - 1]) {
         let mut session = stage.armed();
-        let message = good_message(&stage, &mut session);
-        session.run_frame(Some(&message[..length])).unwrap();
+        for _ in 0..2 {
+            let message = good_message(&stage, &mut session);
+            session.run_frame(Some(&message[..length])).unwrap();
+        }
         assert!(!session.relay_commanded_closed(), "{length} bytes");
     }
 }
@@ -221,7 +253,7 @@ fn a_truncated_message_opens_closed_relays() {
 #[test]
 fn no_truncation_of_a_good_message_ever_closes_the_relays() {
     let stage = Stage::new();
-    let mut session = stage.session(Box::new(InProcess::new()), 10).unwrap();
+    let mut session = stage.session(Box::new(InProcess::new()), READY_FRAMES).unwrap();
     for length in 0..LINE_SCAN_LENGTH {
         if length.is_multiple_of(20) {
             session.press_reset();
@@ -240,10 +272,11 @@ proptest! {
         never_closes(&Stage::new(), &message);
     }
 
-    /// Any bytes at all, in one frame of a running controller, open the relays.
+    /// Any bytes at all, in two frames of a running controller, open the relays.
     #[test]
     fn garbage_opens_closed_relays(message in prop::collection::vec(any::<u8>(), 0..4096)) {
         let mut session = Stage::new().armed();
+        session.run_frame(Some(&message)).unwrap();
         session.run_frame(Some(&message)).unwrap();
         prop_assert!(!session.relay_commanded_closed());
     }

@@ -5,7 +5,7 @@ use nearfield_host::link::{FRAME_PERIOD, FrameFacts, Indicator, McuSession, Rela
 use nearfield_shared::causes::StopCause;
 use nearfield_shared::limits::FEEDBACK_DISCREPANCY;
 use nearfield_shared::status::StateCode;
-use nearfield_tests::stage::{Stage, run_clean};
+use nearfield_tests::stage::{ARMING_FRAMES, READY_FRAMES, Stage, run_clean};
 
 /// Locked out for good: the causes, the laser, and no effect of clean floor and reset button.
 fn assert_locked_out(session: &mut McuSession, stage: &Stage) {
@@ -52,10 +52,10 @@ fn a_welded_contact_of_either_channel_locks_out_at_the_next_stop() {
 #[test]
 fn a_coil_that_does_not_pick_up_locks_out() {
     let stage = Stage::new();
-    let mut session = stage.session(Box::new(nearfield_host::link::InProcess::new()), 10).unwrap();
+    let mut session = stage.session(Box::new(nearfield_host::link::InProcess::new()), READY_FRAMES).unwrap();
     session.plant.set_fault_b(Some(RelayFault::DeadCoil));
     session.press_reset();
-    run_clean(&mut session, &stage, 20).unwrap();
+    run_clean(&mut session, &stage, ARMING_FRAMES).unwrap();
     assert!(!session.relay_closed());
     assert_locked_out(&mut session, &stage);
 }
@@ -72,7 +72,7 @@ fn a_contact_that_opens_by_itself_locks_out() {
 #[test]
 fn a_broken_feedback_wire_is_found_while_open() {
     let stage = Stage::new();
-    let mut session = stage.session(Box::new(nearfield_host::link::InProcess::new()), 10).unwrap();
+    let mut session = stage.session(Box::new(nearfield_host::link::InProcess::new()), READY_FRAMES).unwrap();
     session.plant.set_fault_a(Some(RelayFault::BrokenFeedback));
     run_clean(&mut session, &stage, 5).unwrap();
     assert_locked_out(&mut session, &stage);
@@ -86,7 +86,7 @@ fn a_healthy_pair_of_relays_is_never_blamed() {
         stop(&mut session, &stage);
         run_clean(&mut session, &stage, 8).unwrap();
         session.press_reset();
-        run_clean(&mut session, &stage, 12).unwrap();
+        run_clean(&mut session, &stage, ARMING_FRAMES).unwrap();
         assert!(session.relay_closed(), "{:?}", session.status());
     }
 }

@@ -8,7 +8,7 @@ use nearfield_shared::limits::{LONGEST_RESET_PRESS, SHORTEST_RESET_PRESS};
 use nearfield_shared::rig::COMPACT_LENGTH;
 use nearfield_shared::status::StateCode;
 use nearfield_shared::units::Micros;
-use nearfield_tests::stage::{Stage, run_clean};
+use nearfield_tests::stage::{ARMING_FRAMES, READY_FRAMES, Stage, run_clean};
 
 fn fresh(stage: &Stage, frames: u32) -> McuSession {
     stage.session(Box::new(InProcess::new()), frames).unwrap()
@@ -33,7 +33,7 @@ fn a_press_of_the_reset_button_on_a_clean_floor_closes_them() {
 fn a_press_that_is_too_short_or_too_long_closes_nothing() {
     let stage = Stage::new();
     let press = |length: Micros| {
-        let mut session = fresh(&stage, 10);
+        let mut session = fresh(&stage, READY_FRAMES);
         session.hold_reset(length);
         run_clean(&mut session, &stage, 200).unwrap();
         session.relay_closed()
@@ -57,7 +57,7 @@ fn a_button_that_is_taped_down_from_power_up_closes_nothing_and_is_reported() {
 #[test]
 fn a_press_before_the_floor_is_clear_does_not_count_afterwards() {
     let stage = Stage::new();
-    let mut session = fresh(&stage, 10);
+    let mut session = fresh(&stage, READY_FRAMES);
     let cut = stage.with_object(-20.0, 20.0, None);
     for frame in 0..12 {
         if frame == 5 {
@@ -86,7 +86,7 @@ fn after_a_stop_the_cause_is_kept_until_the_reset() {
         "contacts on their way are no fault"
     );
     session.press_reset();
-    run_clean(&mut session, &stage, 15).unwrap();
+    run_clean(&mut session, &stage, ARMING_FRAMES).unwrap();
     assert!(session.relay_closed());
     assert!(session.status().latched_causes.is_empty());
 }
@@ -101,8 +101,8 @@ fn without_a_valid_rig_in_its_flash_nothing_closes_the_relays() {
     for stored in stores {
         let link = Box::new(InProcess::new());
         let mut session = McuSession::start_with_stored(link, stored, stage.rig.calibration_id()).unwrap();
-        for frame in 0..60 {
-            if frame % 20 == 10 {
+        for frame in 0..160 {
+            if frame % 40 == 30 {
                 session.press_reset();
             }
             run_clean(&mut session, &stage, 1).unwrap();

@@ -4,7 +4,7 @@
 use nearfield_host::demo::script::{Act, minute};
 use nearfield_host::demo::view::Nobody;
 use nearfield_host::demo::{Engine, Outcome, report};
-use nearfield_host::link::{InProcess, LinkError, McuKind, McuLink, PinInputs, Reply};
+use nearfield_host::link::{InProcess, LinkError, McuKind, McuLink, Reply, SECRET_LENGTH, SimulatedTick};
 use nearfield_host::twin::gallery::CENTRE;
 use nearfield_shared::status::Channels;
 use nearfield_shared::units::Micros;
@@ -63,12 +63,17 @@ impl McuLink for WeldedShut {
         self.inner.kind()
     }
 
-    fn start(&mut self, now: Micros, stored_rig: &[u8]) -> Result<Reply, LinkError> {
-        self.inner.start(now, stored_rig)
+    fn start(
+        &mut self,
+        now: Micros,
+        secret: [u8; SECRET_LENGTH],
+        stored_rig: &[u8],
+    ) -> Result<Reply, LinkError> {
+        self.inner.start(now, secret, stored_rig)
     }
 
-    fn tick(&mut self, now: Micros, pins: PinInputs) -> Result<Reply, LinkError> {
-        let reply = self.inner.tick(now, pins);
+    fn tick(&mut self, now: Micros, inputs: SimulatedTick) -> Result<Reply, LinkError> {
+        let reply = self.inner.tick(now, inputs);
         self.weld(reply)
     }
 

@@ -172,16 +172,29 @@ impl McuSession {
         Ok(message)
     }
 
-    /// One frame period with a scene that has these columns when the laser lights it: the exchange at its beginning,
-    /// then the ticks in it. The session stands in for an honest camera: brightness and audit pixels are simulated, and
-    /// a picture that was exposed in the dark shows no stripe.
+    /// The next line-scan's bytes of a scene that has these columns when the laser lights it. The session stands in for
+    /// an honest camera: brightness and audit pixels are simulated, and a picture that was exposed in the dark shows no
+    /// stripe.
+    ///
+    /// # Errors
+    /// No columns or more than fit.
+    pub fn next_scene_line_scan(
+        &mut self,
+        columns: &[LineScanColumn],
+        facts: FrameFacts,
+    ) -> Result<Box<[u8; LINE_SCAN_LENGTH]>, LinkError> {
+        let dark = vec![LineScanColumn::MISSING; columns.len()];
+        let lit = self.light.level_at(self.now.since(facts.capture_age)) > 0;
+        self.next_line_scan(if lit { columns } else { &dark }, facts)
+    }
+
+    /// One frame period with a scene (see [`Self::next_scene_line_scan`]): the exchange at its beginning, then the ticks
+    /// in it.
     ///
     /// # Errors
     /// The controller cannot be reached, or the columns fit no line-scan.
     pub fn run_columns(&mut self, columns: &[LineScanColumn], facts: FrameFacts) -> Result<(), LinkError> {
-        let dark = vec![LineScanColumn::MISSING; columns.len()];
-        let lit = self.light.level_at(self.now.since(facts.capture_age)) > 0;
-        let message = self.next_line_scan(if lit { columns } else { &dark }, facts)?;
+        let message = self.next_scene_line_scan(columns, facts)?;
         self.run_frame(Some(&message[..]))
     }
 

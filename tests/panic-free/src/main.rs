@@ -19,8 +19,9 @@ mod proof {
     use core::hint::black_box;
     use core::panic::PanicInfo;
     use nearfield_firmware::flow::FeedPermit;
-    use nearfield_firmware::relay::MirrorContacts;
-    use nearfield_firmware::safety::{LineScanMonitor, PinInputs, SafetyController};
+    use nearfield_firmware::lockstep::{REQUEST_HEADER_LENGTH, Request, RequestHeader, SimulatedTick};
+    use nearfield_firmware::safety::{LineScanMonitor, SafetyController, StartInputs};
+    use nearfield_firmware::secret::SECRET_LENGTH;
     use nearfield_shared::action::{Category, action_for};
     use nearfield_shared::camera::Pixel;
     use nearfield_shared::columns::Decimation;
@@ -81,7 +82,8 @@ mod proof {
     static SINK: Unknown<u64> = Unknown::new(0);
 
     static TIME: Unknown<u64> = Unknown::new(0);
-    static PINS: Unknown<[bool; 3]> = Unknown::new([false; 3]);
+    static SECRET: Unknown<[u8; SECRET_LENGTH]> = Unknown::new([0; SECRET_LENGTH]);
+    static REQUEST: Unknown<[u8; REQUEST_HEADER_LENGTH]> = Unknown::new([0; REQUEST_HEADER_LENGTH]);
     static CONTROLLER: Unknown<SafetyController<LineScanMonitor>> =
         Unknown::new(SafetyController::new(SourceId::new(1), LineScanMonitor::new()));
     static MONITOR: Unknown<StripeMonitor<1152>> = Unknown::new(StripeMonitor::new());
@@ -127,7 +129,7 @@ mod proof {
             let columns = COLUMNS.read();
             let mut reply = [0; LINE_SCAN_LENGTH];
             for window in scan.audit_windows() {
-                sink(linescan::encode(&mut reply, scan.header(), &columns, &[window, window]).is_ok());
+                sink(linescan::encode(&mut reply, scan.header(), &columns, &scan.brightness(), &[window, window]).is_ok());
             }
             let none: [AuditWindow; 0] = [];
             sink(
@@ -135,6 +137,7 @@ mod proof {
                     &mut reply,
                     scan.header(),
                     columns.get(..LENGTH.read()).unwrap_or(&[]),
+                    &scan.brightness(),
                     &none,
                 )
                 .is_ok(),
@@ -170,10 +173,15 @@ mod proof {
     #[inline(never)]
     fn controller() {
         let controller = CONTROLLER.look();
-        sink(controller.start(ResetCause::Watchdog, &RIG.read()).is_ok());
-        let [a, b, reset_pressed] = PINS.read();
-        let output = controller
-            .tick(Micros::new(TIME.read()), PinInputs { mirror: MirrorContacts { a, b }, reset_pressed });
+        let stored_rig = RIG.read();
+        let secret = SECRET.read();
+        let start = StartInputs { reset_cause: ResetCause::Watchdog, stored_rig: &stored_rig, secret };
+        sink(controller.start(&start).is_ok());
+        let simulated = match RequestHeader::parse(&REQUEST.read()) {
+            Ok(RequestHeader { request: Request::Tick(tick), .. }) => tick,
+            Ok(_) | Err(_) => SimulatedTick::default(),
+        };
+        let output = controller.tick(Micros::new(TIME.read()), simulated.inputs(Micros::new(TIME.read())));
         sink(output.outputs.relays.a && output.permit.as_ref().is_some_and(|_: &FeedPermit| true));
         let message = MESSAGE.look();
         let outputs = controller.on_exchange(Micros::new(TIME.read()), message.get(..LENGTH.read()));
