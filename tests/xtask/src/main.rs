@@ -1,6 +1,7 @@
 //! The project's chores, quick to build. `cargo xtask help` tells what there is.
 
 mod board;
+mod board_host;
 mod budget;
 mod firmware;
 mod panic_free;
@@ -40,7 +41,7 @@ fn main() -> ExitCode {
     let started = Instant::now();
     match dispatch(verb, rest) {
         Ok(()) => {
-            if !matches!(verb, "help" | "-h" | "--help") {
+            if !matches!(verb, "board-host" | "help" | "-h" | "--help") {
                 eprintln!("xtask {verb}: done in {:.0} s", started.elapsed().as_secs_f64());
             }
             ExitCode::SUCCESS
@@ -66,6 +67,8 @@ fn dispatch(verb: &str, rest: &[String]) -> Result<()> {
             firmware::build()?;
             board::run(rest)
         }
+        // For the model that `board` starts, not for people.
+        "board-host" => board_host::run(),
         "emulate" => emulate(),
         "budget" => {
             setup::everything()?;
