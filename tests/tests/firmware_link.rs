@@ -9,6 +9,7 @@ use nearfield_shared::limits::{LINK_ERROR_INTERVAL, LINK_TIMEOUT, LONGEST_CAPTUR
 use nearfield_shared::linescan::{LINE_SCAN_LENGTH, LineScanHeader, encode};
 use nearfield_shared::status::{STATUS_LENGTH, Warnings};
 use nearfield_shared::units::{CalibrationId, Micros, SequenceNumber, SourceId};
+use nearfield_shared::wire::{SEAL_LENGTH, checksum};
 use nearfield_tests::stage::{READY_FRAMES, Stage, run_clean};
 use proptest::prelude::*;
 
@@ -19,8 +20,16 @@ fn message_of(stage: &Stage, header: &LineScanHeader) -> Vec<u8> {
 }
 
 fn good_message(stage: &Stage, session: &mut McuSession) -> Vec<u8> {
-    let header = session.next_header(FrameFacts::default());
-    message_of(stage, &header)
+    session.next_scene_line_scan(&stage.floor(), FrameFacts::default()).unwrap().to_vec()
+}
+
+/// The same message under another number.
+fn renumbered(mut message: Vec<u8>, number: SequenceNumber) -> Vec<u8> {
+    let body = LINE_SCAN_LENGTH - SEAL_LENGTH;
+    message[12..16].copy_from_slice(&number.get().to_le_bytes());
+    let seal = checksum(&message[..body]).to_le_bytes();
+    message[body..].copy_from_slice(&seal);
+    message
 }
 
 fn count(session: &McuSession, refusal: Refusal) -> u32 {
@@ -146,12 +155,11 @@ fn a_picture_that_is_too_old_by_the_hosts_own_word_stops() {
 #[test]
 fn a_replayed_recording_stops() {
     a_second_wrong_message_stops(Refusal::Delay, |stage, session| {
-        let recorded = session.next_header(FrameFacts::default());
-        let first = message_of(stage, &recorded);
-        session.run_frame(Some(&first)).unwrap();
+        let recorded = good_message(stage, session);
+        session.run_frame(Some(&recorded)).unwrap();
         run_clean(session, stage, 3).unwrap();
         let fresh = session.next_header(FrameFacts::default());
-        message_of(stage, &LineScanHeader { sequence: fresh.sequence, ..recorded })
+        renumbered(recorded, fresh.sequence)
     });
 }
 
