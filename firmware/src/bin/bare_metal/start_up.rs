@@ -25,6 +25,8 @@ struct Kept {
     marker: [u32; 2],
     /// What the march of this start has found, and its complement.
     march: [u32; 2],
+    /// The emulated board's reason of the last reset, and its complement.
+    reason: [u32; 2],
 }
 
 struct KeptCell(UnsafeCell<MaybeUninit<Kept>>);
@@ -78,6 +80,24 @@ pub(crate) fn leave(marker: Marker) {
     write_pair(marker_words(), marker.to_words());
 }
 
+fn reason_words() -> *mut [u32; 2] {
+    // SAFETY: a field of a live static.
+    unsafe { &raw mut (*kept()).reason }
+}
+
+/// The word that was left before the last reset, for a board without a register that tells its reason.
+#[allow(dead_code, reason = "the board's chip has such a register")]
+pub(crate) fn reset_reason() -> Option<u32> {
+    let [word, complement] = read_pair(reason_words());
+    (word == !complement).then_some(word)
+}
+
+/// Leaves a word for after the next reset.
+#[allow(dead_code, reason = "the board's chip has such a register")]
+pub(crate) fn leave_reset_reason(word: u32) {
+    write_pair(reason_words(), [word, !word]);
+}
+
 /// What the march has found at this start.
 pub(crate) fn march_outcome() -> Outcome {
     Outcome::passed_if(read_pair(march_words()) == [MARCH_PASSED, !MARCH_PASSED])
@@ -117,7 +137,7 @@ global_asm!(
 // SAFETY: the only definition of this symbol.
 #[unsafe(no_mangle)]
 extern "C" fn nearfield_march_ram() -> u32 {
-    let marker = read_pair(marker_words());
+    let (marker, reason) = (read_pair(marker_words()), read_pair(reason_words()));
     if Marker::from_words(marker).is_some_and(|marker| marker.is_far_from_running()) {
         return MARCH_LEFT_OUT;
     }
@@ -126,6 +146,7 @@ extern "C" fn nearfield_march_ram() -> u32 {
     let mut cells = unsafe { Words::new(ram) };
     let passed = march_all(&mut cells).is_ok();
     write_pair(marker_words(), marker);
+    write_pair(reason_words(), reason);
     if passed { MARCH_PASSED } else { MARCH_FAILED }
 }
 

@@ -1,6 +1,6 @@
 //! The emulated board's registers: LEDs as relays, the watchdog, the reset's reason.
 
-use core::mem::MaybeUninit;
+use crate::bare_metal::start_up;
 use core::ptr::{read_volatile, write_volatile};
 use nearfield_firmware::flow::FeedPermit;
 use nearfield_shared::limits::WATCHDOG_TIMEOUT;
@@ -69,26 +69,18 @@ impl Watchdog {
     }
 }
 
-/// This board has no register that tells a reset's reason: a mark in memory that is not cleared does.
-// SAFETY: cortex-m-rt's section for memory that start-up leaves alone.
-#[unsafe(link_section = ".uninit.MARK")]
-static mut MARK: MaybeUninit<u32> = MaybeUninit::uninit();
-
 /// Left while the firmware runs: only the watchdog resets a board that carries it.
 const RUNNING: u32 = 0x5257_4E47;
 /// Left before a reset that the firmware asked for.
 const RESTARTING: u32 = 0x5253_5452;
 
-/// Why the board started; call once.
+/// Why the board started; call once. This board has no register that tells: a word in memory that start-up keeps does.
 pub(crate) fn reset_cause() -> ResetCause {
-    let mark = (&raw mut MARK).cast::<u32>();
-    // SAFETY: aligned and alive; volatile, since start-up may have left anything in it. Every u32 is valid.
-    let left = unsafe { read_volatile(mark) };
-    // SAFETY: as above; nothing else accesses the mark while the executor's task runs.
-    unsafe { write_volatile(mark, RUNNING) };
+    let left = start_up::reset_reason();
+    start_up::leave_reset_reason(RUNNING);
     match left {
-        RUNNING => ResetCause::Watchdog,
-        RESTARTING => ResetCause::Software,
+        Some(RUNNING) => ResetCause::Watchdog,
+        Some(RESTARTING) => ResetCause::Software,
         _ => ResetCause::PowerOn,
     }
 }
@@ -98,8 +90,6 @@ pub(crate) fn restart(why: &str) -> ! {
     open_relays();
     crate::semihosting::print(why);
     crate::semihosting::print("\n");
-    let mark = (&raw mut MARK).cast::<u32>();
-    // SAFETY: as in `reset_cause`; the reset follows.
-    unsafe { write_volatile(mark, RESTARTING) };
+    start_up::leave_reset_reason(RESTARTING);
     cortex_m::peripheral::SCB::sys_reset()
 }
