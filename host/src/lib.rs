@@ -11,6 +11,7 @@
 //! | [`link`] | the safety controller, in this process or emulated, with its relays, button and clock |
 //! | [`twin`] | a renderer of camera pictures with exact truth |
 //! | [`demo`] | the scripted minute: every promise stated, played, checked and reported |
+//! | [`calibrate`] | lens, floor and laser from pictures, with how sure they are; has a rig drifted? |
 //! | [`scene_file`] | pictures with known truth, to measure with |
 //! | [`annotate`] | what was found, drawn on the picture |
 //! | [`campaign`] | thousands of made-up scenes: how often is the vision wrong? |
@@ -20,6 +21,7 @@
 //! [`link::McuSession`].
 
 pub mod annotate;
+pub mod calibrate;
 pub mod campaign;
 pub mod capture;
 pub mod cli;

@@ -7,6 +7,8 @@
 //! [stripe]  # point_mm, direction (unit), start_mm, end_mm: the watched stretch is point_mm + s * direction
 //! ```
 //!
+//! A section `[uncertainty]`, which calibration writes for people, is allowed and not read.
+//!
 //! A file is refused as a whole at the first thing that is wrong with it, with the field's full name: a rig that is
 //! guessed in part is worse than none.
 
@@ -131,9 +133,13 @@ const SECTIONS: [(&str, &[&str]); 4] = [
     ("stripe", &["point_mm", "direction", "start_mm", "end_mm"]),
 ];
 
+/// Says how sure a calibration is of the other sections.
+const UNCERTAINTY: &str = "uncertainty";
+
 fn read_rig(table: &Table) -> Checked<Rig> {
     let sections = SECTIONS.map(|(name, _)| name);
-    if let Some(name) = table.keys().find(|name| !sections.contains(&name.as_str())) {
+    let is_unknown = |name: &&String| !sections.contains(&name.as_str()) && *name != UNCERTAINTY;
+    if let Some(name) = table.keys().find(is_unknown) {
         return Err(unknown(name.clone(), &sections));
     }
     let [image, camera, laser, stripe] = SECTIONS.map(|(name, fields)| Section::of(table, name, fields));

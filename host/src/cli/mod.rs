@@ -9,6 +9,7 @@ macro_rules! say {
     }};
 }
 
+pub mod calibrate;
 pub mod campaign;
 pub mod demo;
 pub mod evaluate_scenes;
@@ -37,6 +38,7 @@ pub struct CommandLine {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Calibrate(calibrate::CalibrateArguments),
     Demo(demo::Demo),
     Inspect(inspect::Inspect),
     Extract(extract::Extract),
@@ -52,6 +54,7 @@ impl CommandLine {
     #[must_use]
     pub fn run(&self) -> ExitCode {
         let result = match &self.command {
+            Command::Calibrate(calibrate) => calibrate.run(),
             Command::Demo(demo) => demo.run(),
             Command::Inspect(inspect) => inspect.run(),
             Command::Extract(extract) => extract.run(),
