@@ -471,12 +471,12 @@ class WindowWatchdog(Device):
         super().write(offset, value)
 
     def next_time(self):
-        if self.fed is None:
+        if self.dead or self.fed is None:
             return None
         return self.fed + ((self.get(0x00) & 0x7F) - 0x3F) * self._step()
 
     def bites(self):
-        return self.fed is not None and self.machine.time >= self.next_time()
+        return not self.dead and self.fed is not None and self.machine.time >= self.next_time()
 
 
 class RandomNumbers(Device):

@@ -16,6 +16,7 @@ from unicorn import (
     UC_ARCH_ARM,
     UC_HOOK_CODE,
     UC_HOOK_MEM_FETCH_UNMAPPED,
+    UC_HOOK_MEM_READ,
     UC_HOOK_MEM_READ_UNMAPPED,
     UC_HOOK_MEM_WRITE_PROT,
     UC_HOOK_MEM_WRITE_UNMAPPED,
@@ -39,6 +40,9 @@ DEVICES = ((0x4000_0000, 0x3_0000), (0x4800_0000, 0x2000), (0x5000_0000, 0x7_000
 SLICE = 2_000
 LONG_SLICE = 40_000
 
+CORE = [arm.UC_ARM_REG_R0 + place for place in range(13)] + [arm.UC_ARM_REG_SP, arm.UC_ARM_REG_LR, arm.UC_ARM_REG_XPSR]
+CORE += [arm.UC_ARM_REG_PRIMASK, arm.UC_ARM_REG_BASEPRI, arm.UC_ARM_REG_CONTROL, arm.UC_ARM_REG_FPSCR]
+CORE += [arm.UC_ARM_REG_S0 + place for place in range(32)]
 STACKED = (arm.UC_ARM_REG_R0, arm.UC_ARM_REG_R1, arm.UC_ARM_REG_R2, arm.UC_ARM_REG_R3, arm.UC_ARM_REG_R12, arm.UC_ARM_REG_LR)
 FIRST_EXCEPTION_RETURN = 0xFFFF_FF00
 WAIT_FOR_EVENT, YIELD, SEND_EVENT = b"\x20\xbf", b"\x10\xbf", b"\x40\xbf"
@@ -82,8 +86,9 @@ class Machine:
         self.resets = []
         self.long_slices = False
         self.uc = None
-        # Called with (address, word as it is in memory) for each word that the program reads from RAM; None = sound.
-        self.memory_fault = None
+        # The processor's own oscillator has stopped.
+        self.stands_still = False
+        self.stuck = None
 
     # ---- set-up -----------------------------------------------------------------------------------------------------
 
@@ -109,6 +114,7 @@ class Machine:
         """A reset: RAM keeps its content, devices forget."""
         self.save_memory()
         self.resets.append((self.time / HERTZ, why))
+        self.stands_still = False
         self.events = [event for event in self.events if event[2] == "world"]
         heapq.heapify(self.events)
         for device in self.devices:
@@ -116,7 +122,12 @@ class Machine:
         self._boot()
 
     def _boot(self):
-        self._make_core()
+        if self.uc is None:
+            self._make_core()
+        self._load_memory()
+        for register in CORE:
+            self.uc.reg_write(register, 0)
+        self.uc.reg_write(arm.UC_ARM_REG_XPSR, 1 << 24)
         self.pending, self.enabled, self.priority, self.active = set(), set(), {}, []
         self.event_flag, self.stop = False, None
         self.vectors = FLASH
@@ -133,7 +144,6 @@ class Machine:
         uc.mem_map(SYSTEM_MEMORY, SYSTEM_MEMORY_SIZE, UC_PROT_READ)
         for start, size in DEVICES:
             uc.mmio_map(start, size, self._on_read, start, self._on_write, start)
-        self._load_memory()
         for place in range(0, len(self.text) - 1, 2):
             opcode = self.text[place : place + 2]
             if opcode in (WAIT_FOR_EVENT, YIELD, SEND_EVENT):
@@ -152,12 +162,16 @@ class Machine:
             (SYSTEM_MEMORY, self.system_memory),
         ):
             self._poke(start, bytes(content))
+        if self.stuck is not None:
+            self.uc.hook_del(self.stuck)
+            self.stuck = None
 
     def _poke(self, address, data):
         protected = FLASH <= address < FLASH + FLASH_SIZE
         if protected:
             self.uc.mem_protect(FLASH, FLASH_SIZE, UC_PROT_ALL)
         self.uc.mem_write(address, data)
+        self.uc.ctl_remove_cache(address, address + len(data))
         if protected:
             self.uc.mem_protect(FLASH, FLASH_SIZE, UC_PROT_READ | UC_PROT_EXEC)
 
@@ -180,6 +194,30 @@ class Machine:
             self.flash[address - FLASH] = value[0]
         self._poke(address, value)
 
+    def stick(self, address, bit, high):
+        """A cell of RAM that keeps one level, whatever is written to it."""
+
+        def before_read(_uc, _access, at, size, _value, _data):
+            for place in range(at, at + size):
+                if place == address:
+                    byte = self.read(place, 1)[0]
+                    byte = byte | 1 << bit if high else byte & ~(1 << bit)
+                    self.uc.mem_write(place, bytes([byte]))
+
+        word = address & ~3
+        self.stuck = self.uc.hook_add(UC_HOOK_MEM_READ, before_read, begin=word, end=word + 3)
+
+    def hang(self):
+        """The program goes round in circles with interrupts masked."""
+        place = RAM + RAM_SIZE - 16
+        self.uc.mem_write(place, b"\xfe\xe7")
+        self.uc.reg_write(arm.UC_ARM_REG_PRIMASK, 1)
+        self.pc = place | 1
+
+    def go_astray(self):
+        """The program jumps to where no code is."""
+        self.pc = 0x0600_0001
+
     def program_flash(self, offset, data):
         for place, byte in enumerate(data):
             self.flash[offset + place] &= byte
@@ -197,15 +235,16 @@ class Machine:
     def snapshot(self):
         self.save_memory()
         fields = {name: copy.deepcopy(getattr(self, name)) for name in self.FIELDS}
-        return fields, self.uc.context_save(), [device.save() for device in self.devices]
+        return fields, [self.uc.reg_read(register) for register in CORE], [device.save() for device in self.devices]
 
     def restore(self, snapshot):
-        fields, context, devices = snapshot
+        fields, core, devices = snapshot
         for name in self.FIELDS:
             setattr(self, name, copy.deepcopy(fields[name]))
-        self._make_core()
-        self.uc.context_restore(context)
-        self.stop, self.memory_fault, self.long_slices = None, None, False
+        self._load_memory()
+        for register, value in zip(CORE, core):
+            self.uc.reg_write(register, value)
+        self.stop, self.stands_still, self.long_slices = None, False, False
         for device, saved in zip(self.devices, devices):
             device.load(saved)
 
@@ -310,6 +349,9 @@ class Machine:
         return False
 
     def _slice(self, until):
+        if self.stands_still:
+            self.time = self._next_time(until)
+            return
         self.stop = None
         most = LONG_SLICE if self.long_slices else SLICE
         count = max(16, min(most, self._next_time(until) - self.time))

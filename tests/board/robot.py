@@ -91,6 +91,7 @@ class Robot:
     def _forget(self):
         self.coil_log = {"a": [(0, False)], "b": [(0, False)]}
         self.closed_log = [(0, False)]
+        self.driven_log = [(0, False)]
         self.light_log = [(0, 0.0)]
         self.pressed_until = 0
         self.key = False
@@ -100,11 +101,11 @@ class Robot:
         self.verdict = "clear"
         self.frames = False
         self.shorten = None
-        self.sent, self.answered = 0, 0
+        self.sequence, self.sent, self.answered = 0, 0, 0
         self.next_frame = 0
 
-    WORLD = ("coil_log", "closed_log", "light_log", "pressed_until", "key", "status", "told", "height", "verdict")
-    WORLD += ("frames", "shorten", "sent", "answered", "next_frame")
+    WORLD = ("coil_log", "closed_log", "driven_log", "light_log", "pressed_until", "key", "status", "told", "height", "verdict")
+    WORLD += ("frames", "shorten", "sequence", "sent", "answered", "next_frame")
 
     def snapshot(self):
         logs = {name: list(v) if isinstance(v, list) else v for name, v in ((n, getattr(self, n)) for n in self.WORLD)}
@@ -140,9 +141,10 @@ class Robot:
         for channel, log in self.coil_log.items():
             if log[-1][1] != self.coil(channel):
                 log.append((now, self.coil(channel)))
-        both = self.ports["C"].level(0) and self.ports["C"].level(1)
-        if self.closed_log[-1][1] != both:
-            self.closed_log.append((now, both))
+        pins = [self.ports["C"].level(pin) for pin in (0, 1)]
+        for log, level in ((self.closed_log, all(pins)), (self.driven_log, any(pins))):
+            if log[-1][1] != level:
+                log.append((now, level))
 
     def contact_closed(self, channel):
         """Of the relay: follows its coil when that has kept its level long enough."""
@@ -211,8 +213,10 @@ class Robot:
         """The picture that was exposed 20 ms ago, as an honest host reports it."""
         micros = 1_000_000
         light = self.light_at(self.machine.time - PICTURE_AGE)
-        request = f"scan {PICTURE_AGE * micros // HERTZ} {EXPOSURE * micros // HERTZ} {light} {self.height} {self.verdict}"
-        words = self.host.ask(f"{request} {self.status or '-'}").split()
+        self.sequence += 1
+        times = f"{PICTURE_AGE * micros // HERTZ} {EXPOSURE * micros // HERTZ}"
+        picture = f"{self.sequence} {times} {light} {self.height} {self.verdict}"
+        words = self.host.ask(f"scan {picture} {self.status or '-'}").split()
         message = bytes.fromhex(words[7])
         damage = self.faults.get("damage")
         if damage is not None:
@@ -235,14 +239,18 @@ class Robot:
     def now(self):
         return self.machine.time / HERTZ
 
-    @property
-    def relays_closed(self):
-        """Are both relay pins high?"""
-        return self.closed_log[-1][1]
+    def closed_since(self, time):
+        """Were both relay pins high at any time from then on?"""
+        place = bisect.bisect_right([at for at, _ in self.closed_log], time) - 1
+        return any(level for _, level in self.closed_log[place:])
 
-    def coil_high(self):
-        """Is any relay pin high?"""
-        return self.ports["C"].level(0) or self.ports["C"].level(1)
+    def opened_after(self, time):
+        """Seconds from then until both relay pins were low, or None."""
+        place = bisect.bisect_right([at for at, _ in self.driven_log], time) - 1
+        for at, driven in self.driven_log[place:]:
+            if not driven:
+                return max(0, at - time) / HERTZ
+        return None
 
     def press_reset(self, seconds=0.2):
         self.pressed_until = self.machine.time + cycles(seconds)

@@ -4,10 +4,10 @@
 //! | request | answer |
 //! |---|---|
 //! | `rig` | the rig's compact form, in hex |
-//! | `scan AGE EXPOSURE LIGHT HEIGHT VERDICT STATUS` | what the status says (see below) and the line-scan, in hex |
+//! | `scan SEQUENCE AGE EXPOSURE LIGHT HEIGHT VERDICT STATUS` | what the status says (see below) and the line-scan, in hex |
 //! | `status STATUS` | what the status says |
 //!
-//! AGE and EXPOSURE in microseconds; LIGHT = the laser's brightness during the exposure, 0 to 255; HEIGHT = millimetres
+//! SEQUENCE = number of the line-scan; AGE and EXPOSURE in microseconds; LIGHT = the laser's brightness during the exposure, 0 to 255; HEIGHT = millimetres
 //! over the floor everywhere, or `none` for a stripe that is not there; VERDICT = `clear` or `stop`; STATUS = the last
 //! status received, in hex, or `-`.
 //!
@@ -38,7 +38,7 @@ const IMAGE: ImageSize = ImageSize { width: 320, height: 240 };
 
 /// Answers until standard input ends.
 pub fn run() -> Result<()> {
-    let mut host = Host::new()?;
+    let host = Host::new()?;
     let (input, mut output) = (std::io::stdin().lock(), std::io::stdout().lock());
     for line in input.lines() {
         let line = line?;
@@ -52,7 +52,6 @@ pub fn run() -> Result<()> {
 struct Host {
     rig: Rig,
     geometry: Box<StripeGeometry<LARGEST_COLUMN_COUNT>>,
-    sequence: u32,
 }
 
 /// A camera over a laser at the robot's edge.
@@ -78,17 +77,18 @@ impl Host {
         let rig = rig()?;
         let mut geometry = Box::new(StripeGeometry::empty());
         geometry.fill(&rig, Decimation::for_line_scan(IMAGE.width)).context("the host's column maps")?;
-        Ok(Self { rig, geometry, sequence: 0 })
+        Ok(Self { rig, geometry })
     }
 
-    fn answer(&mut self, line: &str) -> Result<String> {
+    fn answer(&self, line: &str) -> Result<String> {
         let words: Vec<&str> = line.split_ascii_whitespace().collect();
         match words.as_slice() {
             ["rig"] => Ok(hex(&self.rig.to_bytes())),
             ["status", status] => told(&parse(status)?.context("no status")?),
-            ["scan", age, exposure, light, height, verdict, status] => {
+            ["scan", sequence, age, exposure, light, height, verdict, status] => {
                 let status = parse(status)?;
                 let facts = Picture {
+                    sequence: SequenceNumber::new(sequence.parse()?),
                     age: Micros::new(age.parse()?),
                     exposure: Micros::new(exposure.parse()?),
                     light: light.parse()?,
@@ -108,12 +108,11 @@ impl Host {
     }
 
     /// The line-scan that an honest host makes of this picture.
-    fn scan(&mut self, picture: &Picture, status: Option<&Status>) -> Result<[u8; LINE_SCAN_LENGTH]> {
-        self.sequence += 1;
+    fn scan(&self, picture: &Picture, status: Option<&Status>) -> Result<[u8; LINE_SCAN_LENGTH]> {
         let header = LineScanHeader {
             source: SOURCE,
             calibration: self.rig.calibration_id(),
-            sequence: SequenceNumber::new(self.sequence),
+            sequence: picture.sequence,
             capture_age: picture.age,
             exposure: picture.exposure,
             last_status: status.map_or(0, |status| status.number),
@@ -142,6 +141,7 @@ impl Host {
 }
 
 struct Picture {
+    sequence: SequenceNumber,
     age: Micros,
     exposure: Micros,
     light: u8,
