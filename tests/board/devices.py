@@ -67,7 +67,7 @@ class Clocks(Device):
 
     name, base = "clocks", 0x4002_1000
     after_reset = {0x00: 0x500}
-    FLAGS = {"power": 1 << 27, "pin": 0, "independent watchdog": 1 << 29, "window watchdog": 1 << 30, "software": 1 << 28, "lockup": 0}
+    FLAGS = {"power": 1 << 27, "pin": 0, "independent watchdog": 1 << 29, "window watchdog": 1 << 30, "software": 1 << 28}
     PIN = 1 << 26
 
     def __init__(self):
@@ -307,11 +307,12 @@ class LaserTimer(Device):
 
     def __init__(self):
         super().__init__()
-        self.stuck = False
+        # The timer ignores new levels; the laser's diode or its driver is dead.
+        self.stuck, self.dead = False, False
 
     def duty(self):
         """0 to 1."""
-        if not (self.get(0x00) & 1 and self.get(0x20) & 1 << 12):
+        if self.dead or not (self.get(0x00) & 1 and self.get(0x20) & 1 << 12):
             return 0.0
         return min(1.0, self.get(0x40) / (self.get(0x2C) + 1))
 

@@ -37,6 +37,9 @@ STACK_RAM, STACK_RAM_SIZE = 0x1000_0000, 0x8000
 SYSTEM_MEMORY, SYSTEM_MEMORY_SIZE = 0x1FFF_0000, 0x1_0000
 DEVICES = ((0x4000_0000, 0x3_0000), (0x4800_0000, 0x2000), (0x5000_0000, 0x7_0000), (0xE000_0000, 0x10_0000))
 
+# The safety task's interrupt (UART5's number): its frame does not fit an overflown stack.
+TICK_EXCEPTION = 53
+
 SLICE = 2_000
 LONG_SLICE = 40_000
 
@@ -214,6 +217,11 @@ class Machine:
         self.uc.reg_write(arm.UC_ARM_REG_PRIMASK, 1)
         self.pc = place | 1
 
+    def overflow_stack(self):
+        """The stack pointer is at the end of the stack's memory."""
+        self.uc.reg_write(arm.UC_ARM_REG_SP, STACK_RAM + 8)
+        self.pending.add(TICK_EXCEPTION)
+
     def go_astray(self):
         """The program jumps to where no code is."""
         self.pc = 0x0600_0001
@@ -390,7 +398,8 @@ class Machine:
         self.active.append("hard")
         stack = self.uc.reg_read(arm.UC_ARM_REG_SP) & ~7
         if not (STACK_RAM + 64 < stack <= STACK_RAM + STACK_RAM_SIZE):
-            self.reset("lockup")
+            # No room for the fault's own frame: the processor locks up, and only a watchdog leads out.
+            self.stands_still = True
             return
         self.uc.reg_write(arm.UC_ARM_REG_SP, stack - 32)
         self.pc = self.word(self.vectors + 4 * 3)
@@ -421,6 +430,9 @@ class Machine:
             frame += struct.pack("<16I", *singles) + struct.pack("<II", uc.reg_read(arm.UC_ARM_REG_FPSCR), 0)
             uc.reg_write(arm.UC_ARM_REG_CONTROL, control & ~4)
         stack -= len(frame)
+        if stack < STACK_RAM:
+            self.stands_still = True
+            return
         uc.mem_write(stack, frame)
         uc.reg_write(arm.UC_ARM_REG_SP, stack)
         uc.reg_write(arm.UC_ARM_REG_LR, (0xFFFF_FFE1 if floating else 0xFFFF_FFF1) | (0 if self.active else 8))

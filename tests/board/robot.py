@@ -97,14 +97,14 @@ class Robot:
         self.key = False
         self.status = None
         self.told = None
-        self.height = "0"
+        self.scene_log = [(0, "0")]
         self.verdict = "clear"
         self.frames = False
         self.shorten = None
         self.sequence, self.sent, self.answered = 0, 0, 0
         self.next_frame = 0
 
-    WORLD = ("coil_log", "closed_log", "driven_log", "light_log", "pressed_until", "key", "status", "told", "height", "verdict")
+    WORLD = ("coil_log", "closed_log", "driven_log", "light_log", "scene_log", "pressed_until", "key", "status", "told", "verdict")
     WORLD += ("frames", "shorten", "sequence", "sent", "answered", "next_frame")
 
     def snapshot(self):
@@ -187,6 +187,13 @@ class Robot:
             total += duty * max(0, min(stop, end) - max(start, begin))
         return round(255 * total / (end - begin))
 
+    def set_scene(self, height):
+        """From now on the floor is this high everywhere, in millimetres; "none" hides the stripe."""
+        self.scene_log.append((self.machine.time, height))
+
+    def scene_at(self, time):
+        return [height for at, height in self.scene_log if at <= time][-1]
+
     # ---- the host's side of the link ---------------------------------------------------------------------------------
 
     def _clock_in(self, message):
@@ -212,10 +219,11 @@ class Robot:
     def send_frame(self):
         """The picture that was exposed 20 ms ago, as an honest host reports it."""
         micros = 1_000_000
-        light = self.light_at(self.machine.time - PICTURE_AGE)
+        exposed = self.machine.time - PICTURE_AGE
+        light, height = self.light_at(exposed), self.scene_at(exposed)
         self.sequence += 1
         times = f"{PICTURE_AGE * micros // HERTZ} {EXPOSURE * micros // HERTZ}"
-        picture = f"{self.sequence} {times} {light} {self.height} {self.verdict}"
+        picture = f"{self.sequence} {times} {light} {height} {self.verdict}"
         words = self.host.ask(f"scan {picture} {self.status or '-'}").split()
         message = bytes.fromhex(words[7])
         damage = self.faults.get("damage")

@@ -9,8 +9,6 @@ import scenarios
 from machine import FLASH, HERTZ, cycles
 from robot import Host, Robot
 
-AFTERWARDS = 0.3
-START_TIME = 4.0
 # Seconds after the armed snapshot at which a fault comes: at a tick, between two, in a frame, in a symbol of the laser.
 MOMENTS = (0.0, 0.0033, 0.0117, 0.0541)
 
@@ -103,7 +101,7 @@ class Bench:
     def play(self, scenario):
         if scenario.kind == "control":
             return self._play_control(scenario)
-        if scenario.kind == "start":
+        if scenario.kind in ("start", "power-up"):
             return self._play_start(scenario)
         # What takes a whole round of self-tests does not depend on the moment within a frame.
         moments = MOMENTS if scenario.limit < 2 else MOMENTS[:1]
@@ -134,7 +132,7 @@ class Bench:
         opened = robot.machine.time
         # The host is well again: nothing may close by itself, and the status tells what it was.
         robot.frames, robot.shorten = True, None
-        robot.run(AFTERWARDS)
+        robot.run(scenario.afterwards)
         if robot.closed_since(opened):
             raise Failed("closed again by itself")
         self._check_story(scenario)
@@ -144,9 +142,12 @@ class Bench:
         robot = self.robot
         robot.restore(self.bitten)
         scenario.inject(robot)
-        robot.machine.resets.clear()
+        if scenario.kind == "power-up":
+            robot.machine.power_up(seed=3)
         begin = robot.machine.time
-        self._boot(lambda: robot.window.fed is not None, 6)
+        # The link is served last: until then nothing can close.
+        self._boot(lambda: robot.ports["A"].level(8), 6)
+        robot.machine.resets.clear()
         robot.frames = True
         robot.run(1.0)
         if scenario.name != "start-no-button":
@@ -183,14 +184,14 @@ class Bench:
             begin = robot.machine.time
             target = address + int(place * size)
             robot.machine.flip(target, bit)
-            robot.run(0.06)
+            robot.run(scenarios.AT_ONCE)
             took = robot.opened_after(begin)
             if took is not None:
                 at_once += 1
             else:
-                robot.height = "none"
+                robot.set_scene("none")
                 begin = robot.machine.time
-                robot.run(scenarios.LIVENESS)
+                robot.run(2 * scenarios.SEEN)
                 took = robot.opened_after(begin)
                 on_demand += 1
                 if took is None or took > scenarios.SEEN:
@@ -273,7 +274,7 @@ def main():
             what = f"{what}: {at_once} stop at once, {on_demand} on demand"
         except Failed as failure:
             failures, result = failures + 1, f"FAILED: {failure}"
-        table.line("flips", what, 0.060, took, result)
+        table.line("flips", what, scenarios.AT_ONCE, took, result)
     bench.host.close()
     seconds = time.monotonic() - began
     print(f"{failures} failures, {seconds:.0f} s; logic, not silicon", file=sys.stderr)

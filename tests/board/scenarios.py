@@ -1,7 +1,7 @@
 """The faults, each with the time within which both relay pins must be low, and what the board must then say.
 
 `running` begins with the relays closed over a clean floor; `start` begins with a reset after both watchdogs have bitten,
-and the relays must never close, whatever button is pressed. `control` injects nothing: the relays must stay closed, or
+`power-up` with the power, and the relays must never close, whatever button is pressed. `control` injects nothing: the relays must stay closed, or
 the other scenarios would show nothing.
 """
 
@@ -27,6 +27,9 @@ WINDOW_WATCHDOG = 0.0915
 INDEPENDENT_WATCHDOG = 0.100
 CODE_CHANGE = 0.080
 
+# A damaged controller that stops by itself does so within this.
+AT_ONCE = 0.080
+
 CLOSED_WORD = 0x5A3C_96E1
 
 
@@ -41,6 +44,8 @@ class Scenario:
     kind: str = "running"
     # Whether a reset of the chip must follow, and which.
     reset: str = ""
+    # How long the board is watched after it has opened.
+    afterwards: float = 0.3
 
 
 def fault(name, value):
@@ -53,6 +58,15 @@ def attribute(device, name, value):
 
 def host(name, value):
     return lambda robot: setattr(robot, name, value)
+
+
+def scene(height):
+    return lambda robot: robot.set_scene(height)
+
+
+def darken(robot):
+    robot.laser_timer.dead = True
+    robot.light_changed()
 
 
 def static(robot, part):
@@ -149,6 +163,10 @@ def no_rig(robot):
     robot.machine.erase_flash(0x7_F000, 0x1000)
 
 
+def close_key(robot):
+    robot.key = True
+
+
 def none(_robot):
     pass
 
@@ -156,18 +174,18 @@ def none(_robot):
 def running():
     """While the relays are closed."""
 
-    def case(name, what, limit, inject, *tells, reset=""):
-        return Scenario(name, what, limit, inject, frozenset(tells), "running", reset)
+    def case(name, what, limit, inject, *tells, reset="", afterwards=0.3):
+        return Scenario(name, what, limit, inject, frozenset(tells), "running", reset, afterwards)
 
     return [
-        case("stripe-gone", "the stripe disappears", SEEN, host("height", "none"), "stripe_cut"),
-        case("large-object", "something 60 mm high everywhere", SEEN, host("height", "60"), "large_object"),
+        case("stripe-gone", "the stripe disappears", SEEN, scene("none"), "stripe_cut"),
+        case("large-object", "something 60 mm high everywhere", SEEN, scene("60"), "large_object"),
         case("host-asks", "the host asks for a stop", FRAME + TRANSACTION + 0.001, host("verdict", "stop"), "host_request"),
         case("host-silent", "no transactions any more", LINK_TIMEOUT + TICK, host("frames", False), "link_timeout"),
         case("short-frames", "SPI transactions end after 1000 bytes", LINK_TIMEOUT + TICK, host("shorten", 1000), "link_timeout"),
         case("damaged-frames", "one wrong bit in every line-scan", 2 * FRAME + TRANSACTION + 0.001, fault("damage", 500), "link_corruption"),
         case("frozen-light", "pictures of constant brightness", LIVENESS, fault("light", 200), "liveness"),
-        case("laser-dead", "the laser gives no light", SEEN, fault("light", 0), "stripe_cut"),
+        case("laser-dead", "the laser gives no light", SEEN, darken, "stripe_cut"),
         case("laser-timer-stuck", "the laser's timer ignores new levels", CODE_CHANGE + TICK, attribute("laser_timer", "stuck", True), "registers"),
         case("mirror-a-open", "mirror contact A says open while closed", FEEDBACK + 2 * TICK, fault("mirror a", True), "feedback"),
         case("mirror-b-open", "mirror contact B says open while closed", FEEDBACK + 2 * TICK, fault("mirror b", True), "feedback"),
@@ -179,8 +197,9 @@ def running():
         case("low-speed-slow", "... 20 % slow (or the other one fast)", CLOCK_WINDOWS + TICK, low_speed(25_600), "clock"),
         case("low-speed-stops", "low-speed oscillator stops", CLOCK_WINDOWS + TICK, low_speed(0), "clock"),
         case("clock-stops", "the processor's oscillator stops", INDEPENDENT_WATCHDOG + 0.001, stop_clock, reset="independent watchdog"),
-        case("hang", "the program hangs, interrupts masked", WINDOW_WATCHDOG, hang, reset="window watchdog"),
+        case("hang", "the program hangs, interrupts masked", WINDOW_WATCHDOG, hang, "watchdog_reset", reset="window watchdog", afterwards=1.5),
         case("hang-no-window", "... and the window watchdog is dead", INDEPENDENT_WATCHDOG + 0.001, hang_without_window, reset="independent watchdog"),
+        case("stack-overflow", "the stack overflows: the processor locks up", WINDOW_WATCHDOG, lambda robot: robot.machine.overflow_stack(), reset="window watchdog"),
         case("astray", "the program jumps to where no code is", 0.001, lambda robot: robot.machine.go_astray(), reset="software"),
         case("flip-relay-command", "a bit of the relays' command", 2 * TICK, flip_relay_command, "relay_memory", "critical_data"),
         case("flip-maps", "a bit of a column map", 1.0, flip_in("7MONITOR", 4096, 4), "critical_data"),
@@ -201,10 +220,13 @@ def running():
 def start():
     """From a reset on; the relays must never close."""
 
-    def case(name, what, inject, *tells, reset=""):
-        return Scenario(name, what, 0.0, inject, frozenset(tells), "start", reset)
+    def case(name, what, inject, *tells, kind="start"):
+        return Scenario(name, what, 0.0, inject, frozenset(tells), kind)
 
     return [
+        case("power-up-window", "the window watchdog does not bite", attribute("window", "dead", True), "watchdog", kind="power-up"),
+        case("power-up-independent", "the independent watchdog does not bite", attribute("independent", "dead", True), "watchdog", kind="power-up"),
+        case("power-up-key", "the service key is closed", close_key, kind="power-up"),
         case("start-unsealed", "an image without a seal", erase_seal, "program"),
         case("start-flash-flipped", "a bit of the program's constants", flip_constant, "program"),
         case("start-random-silent", "the random number generator does not answer", attribute("random", "failure", "silent"), "random"),
@@ -213,7 +235,7 @@ def start():
         case("start-supply-high", "3.7 V", attribute("power", "millivolts", 3_700), "supply"),
         case("start-clock", "the low-speed oscillator 20 % slow", low_speed(25_600), "clock"),
         case("start-ram-stuck", "a stuck bit in RAM", stick_unused, "memory"),
-        case("start-object", "something large on the floor", host("height", "60"), "large_object"),
+        case("start-object", "something large on the floor", scene("60"), "large_object"),
         case("start-mirror-welded", "relay A does not drop out: its mirror contact stays open", fault("mirror a", False), "feedback"),
         case("start-driver-stuck", "driver A stuck on", fault("driver a", True), "output_stage"),
         case("start-no-rig", "no rig is stored", no_rig, "configuration"),

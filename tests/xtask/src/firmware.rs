@@ -76,3 +76,110 @@ fn image_of(file: &[u8]) -> Result<(u64, Vec<u8>)> {
     }
     Ok((start, image))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nearfield_firmware::selftest::program::{ProgramCheck, Progress};
+
+    const ORIGIN: u32 = 0x0800_0000;
+    /// Bytes of the vectors, before the seal.
+    const VECTORS: u32 = 64;
+
+    /// A small ELF file: vectors and seal in one segment, code in another one that begins at this offset from the
+    /// flash's beginning. Sections: none, `.image_seal`, names.
+    fn elf_file(code_at: u32) -> Vec<u8> {
+        const NAMES: &[u8] = b"\0.image_seal\0.shstrtab\0\0";
+        let (header, segments, sections) = (52_u32, 2_u32, 3_u32);
+        let data = header + 32 * segments;
+        let seal = SEAL_BYTES as u32;
+        let (code, code_length) = (data + VECTORS + seal, 200);
+        let names = code + code_length;
+        let section_table = names + NAMES.len() as u32;
+        let mut file = Vec::new();
+        let words = |file: &mut Vec<u8>, words: &[u32]| {
+            words.iter().for_each(|word| file.extend_from_slice(&word.to_le_bytes()));
+        };
+        file.extend_from_slice(b"\x7FELF\x01\x01\x01\0\0\0\0\0\0\0\0\0");
+        // Executable, Arm.
+        file.extend_from_slice(&[2, 0, 40, 0]);
+        words(&mut file, &[1, ORIGIN, header, section_table, 0]);
+        for half in [header, 32, segments, 40, sections, 2] {
+            file.extend_from_slice(&(half as u16).to_le_bytes());
+        }
+        let load = |offset, address: u32, length| [1, offset, address, address, length, length, 5, 4];
+        words(&mut file, &load(data, ORIGIN, VECTORS + seal));
+        words(&mut file, &load(code, ORIGIN + code_at, code_length));
+        file.extend((0..VECTORS + seal + code_length).map(|place| (place * 7) as u8));
+        file.extend_from_slice(NAMES);
+        words(&mut file, &[0; 10]);
+        words(&mut file, &[1, 1, 2, ORIGIN + VECTORS, data + VECTORS, seal, 0, 0, 1, 0]);
+        words(&mut file, &[13, 3, 0, 0, names, NAMES.len() as u32, 0, 0, 1, 0]);
+        file
+    }
+
+    const CODE_AT: u32 = VECTORS + SEAL_BYTES as u32;
+
+    fn sealed() -> Vec<u8> {
+        let mut file = elf_file(CODE_AT);
+        let (seal, offset) = seal_of(&file).unwrap();
+        file[offset..offset + SEAL_BYTES].copy_from_slice(&seal.to_bytes());
+        file
+    }
+
+    /// What the firmware's own self-test makes of the flashed image.
+    fn verdict(file: &[u8]) -> Progress {
+        let (_, image) = image_of(file).unwrap();
+        let seal = image[VECTORS as usize..].first_chunk().unwrap();
+        let mut check = ProgramCheck::new(seal, VECTORS);
+        for _ in 0..image.len() {
+            let Some(wanted) = check.wanted() else { return check.feed(&[]) };
+            let end = ((wanted.start + wanted.length) as usize).min(image.len());
+            match check.feed(&image[wanted.start as usize..end]) {
+                Progress::Underway => {}
+                end => return end,
+            }
+        }
+        panic!("the check does not end");
+    }
+
+    #[test]
+    fn a_sealed_image_passes_the_firmwares_own_test_and_an_unsealed_one_does_not() {
+        assert_eq!(verdict(&elf_file(CODE_AT)), Progress::Damaged);
+        assert_eq!(verdict(&sealed()), Progress::Intact);
+    }
+
+    #[test]
+    fn sealing_again_changes_nothing() {
+        let file = sealed();
+        let (seal, offset) = seal_of(&file).unwrap();
+        assert_eq!(file[offset..offset + SEAL_BYTES], seal.to_bytes());
+    }
+
+    #[test]
+    fn every_byte_that_is_flashed_is_sealed() {
+        let file = sealed();
+        let first = 52 + 64;
+        for place in first..first + VECTORS as usize + SEAL_BYTES + 200 {
+            let mut file = file.clone();
+            file[place] ^= 0x20;
+            assert_eq!(verdict(&file), Progress::Damaged, "byte {place} of the file");
+        }
+    }
+
+    #[test]
+    fn an_image_with_a_gap_is_refused() {
+        let error = seal_of(&elf_file(CODE_AT + 4)).unwrap_err().to_string();
+        assert!(error.contains("gap from 0x8000050 to 0x8000054"), "{error}");
+    }
+
+    #[test]
+    fn what_is_no_firmware_is_refused() {
+        assert!(seal_of(b"not an ELF file").is_err());
+        let mut nameless = elf_file(CODE_AT);
+        let name = nameless.windows(11).position(|bytes| bytes == b".image_seal").unwrap();
+        nameless[name + 1] = b'x';
+        let error = seal_of(&nameless).unwrap_err().to_string();
+        assert!(error.contains(".image_seal"), "{error}");
+    }
+}

@@ -20,7 +20,7 @@ nearfield's chores. Each sets up what it needs by itself.
   cargo xtask demo       a scripted minute at the robot's edge, no hardware: pictures in, relay out;
                          writes target/demo/report.html   (further arguments go to `nearfield demo`)
   cargo xtask test       everything: format, lints, all tests, both firmware builds, emulated tests,
-                         the panic-free proof, size and time budgets
+                         the board's binary on its model, the panic-free proof, size and time budgets
   cargo xtask firmware   builds the firmware for the board (stm32g474) and for the emulator (qemu_an386), and seals
                          both images with their CRC
   cargo xtask board      the board's unmodified binary on a register-level model (Python, Unicorn), with injected faults
@@ -115,10 +115,12 @@ fn test() -> Result<()> {
     Step::cargo(&["test", "--workspace", "--exclude", "panic-free"])
         .env("NEARFIELD_EMULATOR_REQUIRED", "1")
         .run()?;
+    board::run(&[])?;
     panic_free::prove()?;
     budget::check(false)?;
     eprintln!(
-        "everything passed: format, lints, tests, both firmware builds, emulated runs, panic-free proof, budgets"
+        "everything passed: format, lints, tests, both firmware builds, emulated runs, the board's binary on its \
+         model, panic-free proof, budgets"
     );
     Ok(())
 }
