@@ -6,7 +6,7 @@
 //! | needed | refusal |
 //! |---|---|
 //! | the service key is held | `ServiceKeyOpen` |
-//! | the controller does not run | `Running` |
+//! | the controller neither runs nor is about to (arming) | `Running` |
 //! | both relays are proven open by their mirror contacts | `RelaysNotOpen` |
 //! | to acknowledge: the candidate was read back since it was stored | `NotReadBack`, `OtherCandidate` |
 //!
@@ -55,8 +55,10 @@ impl Permissions {
         if !self.service_key {
             return Err(ResultCode::ServiceKeyOpen);
         }
-        if self.state == StateCode::Running {
-            return Err(ResultCode::Running);
+        match self.state {
+            // Arming: somebody has pressed the reset button to run.
+            StateCode::Running | StateCode::Arming => return Err(ResultCode::Running),
+            StateCode::SelfTest | StateCode::Interlocked | StateCode::Stopped | StateCode::Lockout => {}
         }
         if !self.relays_proven_open {
             return Err(ResultCode::RelaysNotOpen);

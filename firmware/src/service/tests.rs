@@ -108,6 +108,7 @@ fn a_change_needs_key_standstill_and_open_relays_each_by_itself() {
             (Permissions { service_key: false, ..ALLOWED }, ResultCode::ServiceKeyOpen),
             (Permissions { relays_proven_open: false, ..ALLOWED }, ResultCode::RelaysNotOpen),
             (Permissions { state: StateCode::Running, ..ALLOWED }, ResultCode::Running),
+            (Permissions { state: StateCode::Arming, ..ALLOWED }, ResultCode::Running),
             (RUNNING, ResultCode::ServiceKeyOpen),
         ] {
             assert_eq!(desk.ask(&change, &permissions), (refusal, None), "{change:?} {permissions:?}");
