@@ -14,6 +14,7 @@
 //! | [`calibrate`] | lens, floor and laser from pictures, with how sure they are; has a rig drifted? |
 //! | [`scene_file`] | pictures with known truth, to measure with |
 //! | [`annotate`] | what was found, drawn on the picture |
+//! | [`black_box`] | the controller's record of a stop: fetched, kept, replayed; service requests |
 //! | [`campaign`] | thousands of made-up scenes: how often is the vision wrong? |
 //! | [`cli`] | the command `nearfield` |
 //!
@@ -21,6 +22,7 @@
 //! [`link::McuSession`].
 
 pub mod annotate;
+pub mod black_box;
 pub mod calibrate;
 pub mod campaign;
 pub mod capture;

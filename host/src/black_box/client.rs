@@ -66,7 +66,9 @@ pub enum ServiceError<E: std::error::Error + 'static> {
 const fn remedy(result: ResultCode) -> &'static str {
     match result {
         ResultCode::ServiceKeyOpen => "; turn the service key and hold it",
-        ResultCode::RelaysNotOpen => "; wait until both relays have dropped out, or have their contacts looked at",
+        ResultCode::RelaysNotOpen => {
+            "; wait until both relays have dropped out, or have their contacts looked at"
+        }
         ResultCode::Running => "; stop the robot first",
         ResultCode::Flash => "; try again, and replace the controller if it stays so",
         ResultCode::Busy => "; try again",
@@ -174,7 +176,9 @@ impl<'a, L: ServiceLink> ServiceClient<'a, L> {
             answers.push(self.ask(&Demand::ReadFaultLog { page })?);
         }
         for bytes in answers.iter().flat_map(|answer| answer.data.chunks(FAULT_ENTRY_LENGTH)) {
-            entries.push(FaultEntry::parse(bytes).ok_or(ServiceError::Contradiction("an impossible fault entry"))?);
+            entries.push(
+                FaultEntry::parse(bytes).ok_or(ServiceError::Contradiction("an impossible fault entry"))?,
+            );
         }
         Ok(entries)
     }
@@ -211,7 +215,9 @@ impl<'a, L: ServiceLink> ServiceClient<'a, L> {
             let answer = match self.ask_if_any(&Demand::ReadBlackBox { page }) {
                 Ok(Some(answer)) => answer,
                 // The stop that has taken its place has fewer pages.
-                Ok(None) | Err(ServiceError::Refused { result: ResultCode::NoSuchPage, .. }) => return Ok(None),
+                Ok(None) | Err(ServiceError::Refused { result: ResultCode::NoSuchPage, .. }) => {
+                    return Ok(None);
+                }
                 Err(error) => return Err(error),
             };
             if answer.header.revision != first.header.revision || answer.header.count != first.header.count {
@@ -246,7 +252,8 @@ fn assemble(index: &StopIndex, pages: &[Vec<u8>]) -> Result<Assembled, &'static 
     if scan_pages.len() / PAGES_PER_SCAN != usize::from(index.scans) || rest != 0 {
         return Err("another number of line-scans than the index says");
     }
-    let summaries = records.iter().map(Summary::parse).collect::<Option<_>>().ok_or("an impossible summary")?;
+    let summaries =
+        records.iter().map(Summary::parse).collect::<Option<_>>().ok_or("an impossible summary")?;
     let scans = scan_pages
         .chunks(PAGES_PER_SCAN)
         .map(|pages| <Box<Transaction>>::try_from(pages.concat().into_boxed_slice()))

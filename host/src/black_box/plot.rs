@@ -53,7 +53,12 @@ pub fn to_svg(replay: &Replay) -> String {
     );
     let title = replay.deciders.first().map_or("no cause", |decider| &decider.words);
     // Writing to a String cannot fail; so everywhere below.
-    let _ = writeln!(svg, "<text x='{LEFT}' y='24' font-size='16'>Stop {}: {}</text>", replay.stop, escaped(title));
+    let _ = writeln!(
+        svg,
+        "<text x='{LEFT}' y='24' font-size='16'>Stop {}: {}</text>",
+        replay.stop,
+        escaped(title)
+    );
     for (number, scan) in replay.scans.iter().enumerate() {
         let top = TOP + number as f64 * (BAND + SPACE);
         let _ = writeln!(svg, "<g transform='translate(0 {top})'>");
@@ -66,8 +71,7 @@ pub fn to_svg(replay: &Replay) -> String {
 
 fn band(svg: &mut String, frame: &Frame, scan: &ReplayedScan) {
     let right = WIDTH - RIGHT;
-    for (limit, colour) in
-        [(LARGE_HEIGHT, "#c33"), (FLOOR_TOLERANCE, "#888"), (DEEPEST_ALLOWED_DROP, "#c33")]
+    for (limit, colour) in [(LARGE_HEIGHT, "#c33"), (FLOOR_TOLERANCE, "#888"), (DEEPEST_ALLOWED_DROP, "#c33")]
     {
         let (low, high) = frame.heights;
         if (low..=high).contains(&limit.get()) {

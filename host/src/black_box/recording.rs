@@ -111,7 +111,9 @@ impl Recording {
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::from(MAGIC);
-        for field in [RECORDING_VERSION, 0, count(&self.summaries), count(&self.scans), count(&self.faults), 0] {
+        for field in
+            [RECORDING_VERSION, 0, count(&self.summaries), count(&self.scans), count(&self.faults), 0]
+        {
             bytes.extend(field.to_le_bytes());
         }
         bytes.extend((LINE_SCAN_LENGTH as u32).to_le_bytes());
@@ -250,7 +252,10 @@ mod tests {
     fn every_damage_is_refused_with_its_reason() {
         let good = recording_of_a_box().to_bytes();
         assert_eq!(Recording::parse(b""), Err(ContentError::NotARecording));
-        assert_eq!(Recording::parse(b"\x89PNG and so on, for more than 24 bytes"), Err(ContentError::NotARecording));
+        assert_eq!(
+            Recording::parse(b"\x89PNG and so on, for more than 24 bytes"),
+            Err(ContentError::NotARecording)
+        );
         let length = good.len();
         for cut in [24, 100, length - 1] {
             let expected = ContentError::Length { expected: length, found: cut };

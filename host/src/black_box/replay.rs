@@ -28,7 +28,9 @@ pub enum ReplayError {
     #[error("the recording cannot be replayed: {0}; give the rig with --rig RIG.toml")]
     Rig(CompactRigError),
     /// The rig is not the one that was in use.
-    #[error("the recording was made with the rig {used:08x}, not with {given:08x}; give the right one with --rig RIG.toml")]
+    #[error(
+        "the recording was made with the rig {used:08x}, not with {given:08x}; give the right one with --rig RIG.toml"
+    )]
     OtherRig {
         /// The calibration id at the stop.
         used: u32,
@@ -124,8 +126,7 @@ impl Replay {
             .map(|cause| decider(cause, recording, before).unwrap_or_else(|| untold(cause)))
             .collect();
         // Without its own line-scan nothing of the stripe's causes can be shown.
-        let reproduced =
-            deciders.iter().all(|decider| decider.replayed || !is_shown_by_scans(decider.cause));
+        let reproduced = deciders.iter().all(|decider| decider.replayed || !is_shown_by_scans(decider.cause));
         Ok(Self {
             stop: index.stop,
             time_ms: millis(index.time),
@@ -150,9 +151,7 @@ fn replay_scans(recording: &Recording) -> Result<Vec<ReplayedScan>, ReplayError>
         return Err(ReplayError::OtherRig { used: used.get(), given: given.get() });
     }
     let mut monitor = Box::new(StripeMonitor::<LARGEST_COLUMN_COUNT>::new());
-    monitor
-        .configure(&rig, Decimation::for_line_scan(rig.image().width))
-        .map_err(ReplayError::Geometry)?;
+    monitor.configure(&rig, Decimation::for_line_scan(rig.image().width)).map_err(ReplayError::Geometry)?;
     let mut history = 0_usize;
     let mut anew = false;
     let mut replayed = Vec::new();
@@ -169,7 +168,8 @@ fn replay_scans(recording: &Recording) -> Result<Vec<ReplayedScan>, ReplayError>
         history += 1;
         let report = monitor.update(scan.readings());
         let places = monitor.geometry().maps().iter().map(|map| map.floor_place);
-        let heights = monitor.heights().iter().map(|height| Some(*height).filter(|height| height.is_finite()));
+        let heights =
+            monitor.heights().iter().map(|height| Some(*height).filter(|height| height.is_finite()));
         replayed.push(ReplayedScan {
             sequence: sequence.get(),
             t_ms: summary.map(|summary| millis(summary.time) - millis(index.time)),
@@ -211,7 +211,9 @@ fn compare(recording: &Recording, scans: &[ReplayedScan]) -> Vec<String> {
                 (kept, again) => kept.is_none() && again.is_none(),
             };
             if !same {
-                let told = |value: Option<Millimetres>| value.map_or("none".to_owned(), |mm| format!("{} mm", mm.get()));
+                let told = |value: Option<Millimetres>| {
+                    value.map_or("none".to_owned(), |mm| format!("{} mm", mm.get()))
+                };
                 mismatches.push(format!(
                     "line-scan {}: {what} was {}, replayed {}",
                     scan.sequence,
@@ -255,12 +257,9 @@ fn decider(cause: StopCause, recording: &Recording, before: &[ReplayedScan]) -> 
                 ..untold(cause)
             })
         }
-        StopCause::LargeObject => vote(
-            cause,
-            before,
-            ("LARGE_HEIGHT", LARGE_HEIGHT, ">="),
-            |scan| scan.highest_mm.filter(|height| *height >= LARGE_HEIGHT.get()),
-        ),
+        StopCause::LargeObject => vote(cause, before, ("LARGE_HEIGHT", LARGE_HEIGHT, ">="), |scan| {
+            scan.highest_mm.filter(|height| *height >= LARGE_HEIGHT.get())
+        }),
         StopCause::Drop => vote(cause, before, ("DEEPEST_ALLOWED_DROP", DEEPEST_ALLOWED_DROP, "<"), |scan| {
             scan.lowest_mm.filter(|height| *height < DEEPEST_ALLOWED_DROP.get())
         }),
@@ -277,7 +276,9 @@ fn decider(cause: StopCause, recording: &Recording, before: &[ReplayedScan]) -> 
             Some(Decider { limit: Some("LARGEST_SEQUENCE_STEP"), limit_value, words, ..untold(cause) })
         }
         StopCause::Liveness => {
-            score(cause, recording, "LIVENESS_DOUBT_LIMIT", LIVENESS_DOUBT_LIMIT, |summary| summary.liveness_score)
+            score(cause, recording, "LIVENESS_DOUBT_LIMIT", LIVENESS_DOUBT_LIMIT, |summary| {
+                summary.liveness_score
+            })
         }
         StopCause::Audit => {
             score(cause, recording, "AUDIT_DOUBT_LIMIT", AUDIT_DOUBT_LIMIT, |summary| summary.audit_score)
@@ -304,16 +305,18 @@ fn cut(scan: &ReplayedScan) -> Option<Decider> {
     let over = |gap: Option<nearfield_shared::cutoff::Gap>, limit: Millimetres| {
         gap.filter(|gap| gap.length() > limit)
     };
-    let (gap, name, limit, kind, where_) = match (
-        over(report.cutoff.single, IMMEDIATE_GAP),
-        over(report.cutoff.voted, LONGEST_ALLOWED_GAP),
-    ) {
-        (Some(gap), _) => (gap, "IMMEDIATE_GAP", IMMEDIATE_GAP, "gap", "in one frame".to_owned()),
-        (None, Some(gap)) => {
-            (gap, "LONGEST_ALLOWED_GAP", LONGEST_ALLOWED_GAP, "voted gap", format!("over {VOTE_FRAMES} frames"))
-        }
-        (None, None) => return None,
-    };
+    let (gap, name, limit, kind, where_) =
+        match (over(report.cutoff.single, IMMEDIATE_GAP), over(report.cutoff.voted, LONGEST_ALLOWED_GAP)) {
+            (Some(gap), _) => (gap, "IMMEDIATE_GAP", IMMEDIATE_GAP, "gap", "in one frame".to_owned()),
+            (None, Some(gap)) => (
+                gap,
+                "LONGEST_ALLOWED_GAP",
+                LONGEST_ALLOWED_GAP,
+                "voted gap",
+                format!("over {VOTE_FRAMES} frames"),
+            ),
+            (None, None) => return None,
+        };
     let words = format!(
         "{kind} {} mm > {name} {} mm {where_}, s = {} to {} mm",
         tenth(gap.length().get()),

@@ -10,11 +10,11 @@ use nearfield_shared::causes::{StopCause, StopCauses};
 use nearfield_shared::columns::Decimation;
 use nearfield_shared::condition::{ResetCause, StateCode};
 use nearfield_shared::laser::Laser;
+use nearfield_shared::light::BrightnessProfile;
 use nearfield_shared::limits::LARGEST_COLUMN_COUNT;
 use nearfield_shared::linescan::{
     HostVerdict, LINE_SCAN_LENGTH, LineScan, LineScanColumn, LineScanHeader, encode,
 };
-use nearfield_shared::light::BrightnessProfile;
 use nearfield_shared::monitor::StripeMonitor;
 use nearfield_shared::rig::{ImageSize, Rig, Stripe};
 use nearfield_shared::service::{ExchangeKind, FaultEvent, PAGE_OFFSET, Request, Summary};

@@ -23,10 +23,10 @@ fn a_kept_stop_is_fetched_whole_with_rig_and_fault_log() {
     for (scan, sequence) in recording.scans.iter().zip(103..) {
         assert_eq!(LineScan::parse(&scan[..]).unwrap().header().sequence.get(), sequence);
     }
-    assert_eq!(recording.faults.iter().map(|entry| entry.event).collect::<Vec<_>>(), [
-        FaultEvent::Started,
-        FaultEvent::Stopped
-    ]);
+    assert_eq!(
+        recording.faults.iter().map(|entry| entry.event).collect::<Vec<_>>(),
+        [FaultEvent::Started, FaultEvent::Stopped]
+    );
     assert!(seen.is_sorted() && seen.last() == Some(&(17, 17)), "progress goes to its end: {seen:?}");
 }
 

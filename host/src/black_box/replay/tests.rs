@@ -34,11 +34,18 @@ fn a_box_trips_at_once_by_its_gap_in_one_frame() {
     assert!(decider.words.contains("> IMMEDIATE_GAP 20 mm in one frame, s = 9"), "{}", decider.words);
     assert!(replay.reproduced);
     assert_eq!(replay.scans.len(), 4);
-    assert_eq!(replay.scans.iter().map(|scan| scan.after_stop).collect::<Vec<_>>(), [false, false, false, true]);
-    assert_eq!(replay.scans.iter().map(|scan| scan.vote_complete).collect::<Vec<_>>(), [false, false, true, true]);
+    assert_eq!(
+        replay.scans.iter().map(|scan| scan.after_stop).collect::<Vec<_>>(),
+        [false, false, false, true]
+    );
+    assert_eq!(
+        replay.scans.iter().map(|scan| scan.vote_complete).collect::<Vec<_>>(),
+        [false, false, true, true]
+    );
     assert_eq!(replay.scans[2].t_ms, Some(0.0));
     assert_eq!(replay.scans[0].t_ms, Some(-40.0));
-    let raised = replay.scans[2].profile.iter().filter(|(_, height)| height.is_some_and(|mm| mm > 25.0)).count();
+    let raised =
+        replay.scans[2].profile.iter().filter(|(_, height)| height.is_some_and(|mm| mm > 25.0)).count();
     assert!((46..=49).contains(&raised), "{raised} columns show the box");
 }
 
@@ -47,7 +54,11 @@ fn a_wire_trips_by_the_vote() {
     let decider = only(&ending_with(WIRE, 2), StopCause::StripeCut);
     assert_eq!(decider.limit, Some("LONGEST_ALLOWED_GAP"));
     assert!(near(decider.value, 8.0) && decider.limit_value == Some(5.0), "{decider:?}");
-    assert!(decider.words.starts_with("voted gap") && decider.words.contains("over 3 frames"), "{}", decider.words);
+    assert!(
+        decider.words.starts_with("voted gap") && decider.words.contains("over 3 frames"),
+        "{}",
+        decider.words
+    );
 }
 
 #[test]
@@ -80,7 +91,8 @@ fn a_cause_that_the_line_scans_do_not_show_is_not_reproduced() {
     }
     // One frame of three is no vote for a large object.
     let needle: fn(f32) -> Option<f32> = |s| Some(if (0.0..6.0).contains(&s) { 70.0 } else { 0.0 });
-    let replay = Replay::of(&recording_of(&ending_with(needle, 1), causes(&[StopCause::LargeObject]))).unwrap();
+    let replay =
+        Replay::of(&recording_of(&ending_with(needle, 1), causes(&[StopCause::LargeObject]))).unwrap();
     assert!(!replay.reproduced);
 }
 
@@ -89,7 +101,10 @@ fn causes_of_the_link_are_told_from_the_summaries() {
     let mut recording = recording_of(&ending_with(CLEAN, 1), causes(&[StopCause::LinkTimeout]));
     recording.index.time = STOP_TIME.plus(Micros::from_millis(61));
     let decider = &Replay::of(&recording).unwrap().deciders[0];
-    assert_eq!((decider.limit, decider.value, decider.limit_value), (Some("LINK_TIMEOUT"), Some(61.0), Some(60.0)));
+    assert_eq!(
+        (decider.limit, decider.value, decider.limit_value),
+        (Some("LINK_TIMEOUT"), Some(61.0), Some(60.0))
+    );
     assert!(decider.words.contains("61.0 ms > LINK_TIMEOUT 60 ms") && !decider.replayed, "{}", decider.words);
 
     let mut recording = recording_of(&ending_with(CLEAN, 1), causes(&[StopCause::LinkDelay]));
@@ -159,10 +174,15 @@ fn what_differs_from_the_controllers_own_figures_is_told() {
     let replay = Replay::of(&recording).unwrap();
     assert!(!replay.reproduced);
     assert_eq!(replay.mismatches.len(), 2, "{:?}", replay.mismatches);
-    assert!(replay.mismatches[0].contains("gap in this frame was 12 mm, replayed 6"), "{:?}", replay.mismatches);
+    assert!(
+        replay.mismatches[0].contains("gap in this frame was 12 mm, replayed 6"),
+        "{:?}",
+        replay.mismatches
+    );
     // A vote whose beginning is not in the recording is not held against it.
     let mut recording = recording_of_a_box();
-    let first = recording.summaries.iter().position(|summary| summary.sequence == SequenceNumber::new(103)).unwrap();
+    let first =
+        recording.summaries.iter().position(|summary| summary.sequence == SequenceNumber::new(103)).unwrap();
     recording.summaries[first].voted_gap = None;
     assert!(Replay::of(&recording).unwrap().reproduced);
 }
