@@ -17,13 +17,14 @@
 //! The three newest line-scans up to the stop are what the votes were taken over: they replay the decision bit for
 //! bit. Only accepted line-scans are kept; a refused message has its summary, and nothing of it was used.
 //!
-//! How the controller uses it, in this order:
+//! [`recorded::RecordedController`] feeds it, in this order:
 //!
 //! 1. [`BlackBox::line_scan`] with every accepted line-scan's bytes, before it is judged;
 //! 2. [`BlackBox::record`] after every exchange, and after a tick that changed the state or its causes;
 //! 3. [`BlackBox::stop`] when the relays are told to open while running;
 //! 4. [`BlackBox::armed`] when they are told to close.
 
+pub mod recorded;
 pub(crate) mod ring;
 
 use crate::safety::FIRMWARE_ID;
@@ -180,6 +181,11 @@ impl BlackBox {
         let scan = self.scans.oldest_first().nth(page.checked_div(PAGES_PER_SCAN)?)?;
         let start = page.checked_rem(PAGES_PER_SCAN)?.saturating_mul(PAGE_DATA_LENGTH);
         Some(fill(data, scan.get(start..)?))
+    }
+
+    #[cfg(test)]
+    pub(crate) fn scans_for_test(&self) -> impl Iterator<Item = &[u8; LINE_SCAN_LENGTH]> {
+        self.scans.oldest_first()
     }
 
     fn summaries_after(&self) -> usize {

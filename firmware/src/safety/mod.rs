@@ -5,10 +5,12 @@
 //! only open them, at once. Each begins by comparing the memory that the decision rests on with what the one before
 //! left (see [`crate::integrity`]).
 
+mod findings;
 mod io;
 #[cfg(test)]
 mod tests;
 
+pub use findings::Findings;
 pub use io::{ConfigurationError, Indicator, Outputs, PinInputs, StartInputs, TickInputs, TickOutput};
 
 use crate::arming::DarkTest;

@@ -31,6 +31,15 @@ impl ExchangeKind {
     pub const ALL: [Self; 5] =
         [Self::Accepted, Self::AcceptedAfterSilence, Self::Refused, Self::Poll, Self::Tick];
 
+    /// Was a line-scan accepted?
+    #[must_use]
+    pub const fn is_accepted(self) -> bool {
+        match self {
+            Self::Accepted | Self::AcceptedAfterSilence => true,
+            Self::Refused | Self::Poll | Self::Tick => false,
+        }
+    }
+
     const fn code(self) -> u8 {
         match self {
             Self::Accepted => 1,
@@ -61,7 +70,7 @@ impl ExchangeKind {
 /// | 0 | MCU time, microseconds u64 |
 /// | 8 | sequence number of the last accepted line-scan u32 |
 /// | 12 | live causes u32 |
-/// | 16 | causes that this exchange itself gave u32 |
+/// | 16 | causes that came up with it u32 |
 /// | 20 | state u8, kind u8, laser level u8, zero u8 |
 /// | 24 | longest gap of the vote, micrometres i32 (-1 = whole) |
 /// | 28 | longest gap of this frame alone, micrometres i32 (-1 = whole) |
@@ -80,8 +89,8 @@ pub struct Summary {
     pub sequence: SequenceNumber,
     /// Causes that hold after the exchange.
     pub live_causes: StopCauses,
-    /// Causes that this exchange itself gave: why it was refused, or what its line-scan leaves standing.
-    pub own_causes: StopCauses,
+    /// Causes that came up with it: they did not hold after the summary before.
+    pub new_causes: StopCauses,
     /// The supervisor's state.
     pub state: StateCode,
     /// What happened.
@@ -126,7 +135,7 @@ impl Summary {
             time,
             sequence: SequenceNumber::new(0),
             live_causes: StopCauses::NONE,
-            own_causes: StopCauses::NONE,
+            new_causes: StopCauses::NONE,
             state,
             kind,
             laser_level: 0,
@@ -169,7 +178,7 @@ impl Summary {
         writer.u64(self.time.get());
         writer.u32(self.sequence.get());
         writer.u32(self.live_causes.bits());
-        writer.u32(self.own_causes.bits());
+        writer.u32(self.new_causes.bits());
         writer.u8(self.state.code());
         writer.u8(self.kind.code());
         writer.u8(self.laser_level);
@@ -196,7 +205,7 @@ impl Summary {
         let time = Micros::new(reader.u64()?);
         let sequence = SequenceNumber::new(reader.u32()?);
         let live_causes = StopCauses::from_bits(reader.u32()?);
-        let own_causes = StopCauses::from_bits(reader.u32()?);
+        let new_causes = StopCauses::from_bits(reader.u32()?);
         let (state_code, kind_code) = (reader.u8()?, reader.u8()?);
         let state = StateCode::ALL.into_iter().find(|state| state.code() == state_code)?;
         let kind = ExchangeKind::ALL.into_iter().find(|kind| kind.code() == kind_code)?;
@@ -221,7 +230,7 @@ impl Summary {
             time,
             sequence,
             live_causes,
-            own_causes,
+            new_causes,
             state,
             kind,
             laser_level,

@@ -250,7 +250,7 @@ fn summary() -> Summary {
         time: Micros::new(0x0102_0304_0506_0708),
         sequence: SequenceNumber::new(0x0910_1112),
         live_causes: StopCauses::from_bits(0x1314_1516),
-        own_causes: StopCauses::NONE.with(StopCause::StripeCut),
+        new_causes: StopCauses::NONE.with(StopCause::StripeCut),
         state: StateCode::Stopped,
         kind: ExchangeKind::Accepted,
         laser_level: 0x17,
@@ -490,7 +490,7 @@ proptest! {
         // Micrometres beyond 2^24 lose their last digits in f32: 16 m.
         let twice = Summary::parse(&read.to_bytes()).unwrap();
         prop_assert_eq!(twice.to_bytes(), read.to_bytes());
-        prop_assert_eq!((twice.time, twice.sequence, twice.own_causes), (read.time, read.sequence, read.own_causes));
+        prop_assert_eq!((twice.time, twice.sequence, twice.new_causes), (read.time, read.sequence, read.new_causes));
     }
 
     #[test]
