@@ -7,7 +7,7 @@
 
 use super::floor::{FloorColumn, FloorFinder, is_fringe};
 use super::grid::{Grid, PictureGeometry};
-use super::peak::{self, Peak};
+use super::peak::{self, Kernel, Peak};
 use super::signal::{RowSearch, SEGMENT_BITS, SEGMENT_ROWS, Signal};
 
 /// Length of the stretches in which rays are counted, millimetres.
@@ -29,6 +29,13 @@ const SAME_CREST: f32 = 3.0;
 /// A stripe that is not clipped is at most so many times as wide as the floor's usually is: things that are red
 /// themselves are mostly wider.
 const WIDEST_SHARE: f32 = 2.0;
+/// Light rises in its own colour by at least this share of its contrast; grey on green, or red pigment on a bright
+/// ground, does not.
+const GLOW_SHARE: f32 = 0.03;
+/// Samples on each side that it is compared with.
+const GLOW_SAMPLES: usize = 3;
+/// From here on the laser's colour is at the end of its scale.
+const OVEREXPOSED: f32 = 244.0;
 /// Lines that are followed at a time; more is texture.
 const OPEN_LINES: usize = 24;
 /// Candidates for which there is room; a picture with more shows texture, and the weaker ones change nothing.
@@ -266,12 +273,32 @@ impl Line {
     }
 }
 
-/// The ridge near a seed, if it is as narrow as a stripe and more than a colour fringe. A clipped stripe may be wide:
-/// the brighter, the wider.
+/// The ridge near a seed, if light of the laser can have made it.
 fn measure<S: Signal>(signal: S, column: usize, seed: usize, widest: f32) -> Option<Peak> {
     let peak = peak::find(signal, column, seed, 1, false)?;
-    let narrow = peak.width <= widest || signal.is_clipped(column, peak.row.round().max(0.0) as usize);
-    (narrow && !is_fringe(signal, column, &peak)).then_some(peak)
+    (is_light(signal, column, &peak, widest) && !is_fringe(signal, column, &peak)).then_some(peak)
+}
+
+/// Is it as narrow as a stripe, and brighter in the laser's colour than both sides together? A stripe at the end of the
+/// camera's scale may be wide: the brighter, the wider. Beside what daylight overexposes nothing is believed: it has red
+/// rims of its own, and the laser is not seen on it.
+fn is_light<S: Signal>(signal: S, column: usize, peak: &Peak, widest: f32) -> bool {
+    let crest = peak.row.round().max(0.0) as usize;
+    let beside = (peak.width / 2.0).ceil() as usize + Kernel::for_step(S::STEP).half;
+    let mean_glow = |first: usize| {
+        let sum: i16 = (first..first + GLOW_SAMPLES).map(|row| signal.glow(column, row)).sum();
+        f32::from(sum) / GLOW_SAMPLES as f32
+    };
+    let above = mean_glow(crest.saturating_sub(beside + GLOW_SAMPLES - 1));
+    let below = mean_glow(crest + beside);
+    if above.max(below) >= OVEREXPOSED {
+        return false;
+    }
+    if signal.is_clipped(column, crest) {
+        return true;
+    }
+    let rise = f32::from(signal.glow(column, crest)) - (above + below) / 2.0;
+    peak.width <= widest && rise >= GLOW_SHARE * peak.contrast
 }
 
 /// Which rays of the laser reach the floor, in stretches of [`RAY_BIN_MM`].
@@ -341,5 +368,44 @@ impl Rays {
 
     fn take(&mut self, one: f32, other: f32) {
         self.mark(one.min(other), one.max(other), Ray::Taken);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::Plane;
+    use crate::vision::signal::RedMinusGreen;
+
+    /// One column of `ground` with a bell-shaped ridge that moves the colour by `change`.
+    fn column(ground: [f32; 3], change: [f32; 3]) -> Vec<u8> {
+        (0..80)
+            .flat_map(|row| {
+                let light = (-(row as f32 - 40.0).powi(2) / 12.0).exp();
+                std::array::from_fn::<u8, 3, _>(|channel| (ground[channel] + light * change[channel]) as u8)
+            })
+            .collect()
+    }
+
+    fn is_believed(bytes: &[u8]) -> bool {
+        measure(RedMinusGreen(Plane::new(bytes, 3, 3, 80).unwrap()), 0, 40, 14.0).is_some()
+    }
+
+    #[test]
+    fn the_laser_is_believed_on_every_ground_that_is_not_overexposed() {
+        for ground in [[140.0, 140.0, 140.0], [60.0, 120.0, 80.0], [20.0, 20.0, 20.0], [190.0, 65.0, 60.0]] {
+            assert!(is_believed(&column(ground, [50.0, -20.0, -10.0])), "{ground:?}");
+        }
+        assert!(!is_believed(&column([250.0, 230.0, 215.0], [5.0, -60.0, -60.0])), "overexposed");
+    }
+
+    /// A black cable on a green floor is redder than the floor, and no light.
+    #[test]
+    fn what_is_only_less_green_is_no_light() {
+        assert!(!is_believed(&column([60.0, 120.0, 80.0], [-30.0, -95.0, -55.0])));
+        assert!(
+            !is_believed(&column([220.0, 215.0, 205.0], [-10.0, -140.0, -140.0])),
+            "red pigment on white"
+        );
     }
 }
