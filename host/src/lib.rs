@@ -12,6 +12,8 @@
 //! | [`twin`] | a renderer of camera pictures with exact truth |
 //! | [`demo`] | the scripted minute: every promise stated, played, checked and reported |
 //! | [`calibrate`] | lens, floor and laser from pictures, with how sure they are; has a rig drifted? |
+//! | [`paper`] | the source paper's own pipeline and closed-form heights, to compare with |
+//! | [`capability`] | the smallest object that a rig detects, along the stripe |
 //! | [`scene_file`] | pictures with known truth, to measure with |
 //! | [`annotate`] | what was found, drawn on the picture |
 //! | [`black_box`] | the controller's record of a stop: fetched, kept, replayed; service requests |
@@ -25,12 +27,14 @@ pub mod annotate;
 pub mod black_box;
 pub mod calibrate;
 pub mod campaign;
+pub mod capability;
 pub mod capture;
 pub mod cli;
 pub mod demo;
 pub mod light;
 pub mod line_scan;
 pub mod link;
+pub mod paper;
 pub mod rig_file;
 pub mod scene_file;
 pub mod twin;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::Context as _;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use nearfield_shared::rig::Rig;
 
 use super::mcu::{Examiner, McuChoice};
@@ -14,6 +14,7 @@ use super::picture_report::{PictureReport, Timing};
 use crate::annotate;
 use crate::capture::read_frame;
 use crate::line_scan::LineScanEncoder;
+use crate::paper;
 use crate::rig_file;
 use crate::vision::Analyser;
 
@@ -41,9 +42,25 @@ pub struct Inspect {
     /// Which safety controller to ask.
     #[arg(long, value_enum, default_value_t)]
     mcu: McuChoice,
+    /// Whose tier 1 tells stripe, gaps and cut-off; the safety controller always gets this project's.
+    #[arg(long, value_enum, default_value_t)]
+    method: Method,
+    /// Whose heights the objects have; `paper` is its closed form, and its own objects.
+    #[arg(long, value_enum, default_value_t)]
+    height: Method,
     /// Pictures: PNG, JPEG, or raw frames of the rig's size (.yuv = YUV420 planar, .nv12).
     #[arg(required = true, value_name = "IMAGE")]
     images: Vec<PathBuf>,
+}
+
+/// This project's method, or the source paper's own for comparison.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+enum Method {
+    /// This project's.
+    #[default]
+    Ours,
+    /// The source paper's: colour thresholds, Hough, top-down view, closed-form heights.
+    Paper,
 }
 
 impl Inspect {
@@ -57,7 +74,8 @@ impl Inspect {
         let mut drawings = self.annotate.as_deref().map(Drawings::new).transpose()?;
         let mut code = 0;
         for image in &self.images {
-            match inspector.inspect(image)? {
+            let inspected = inspector.inspect(image)?.and_then(|report| self.compared(report, &rig, image));
+            match inspected {
                 Ok(report) => {
                     if self.json {
                         say!("{}", serde_json::to_string(&report)?);
@@ -75,6 +93,24 @@ impl Inspect {
             }
         }
         Ok(code)
+    }
+}
+
+impl Inspect {
+    /// The report with what the paper's method makes of the picture in place of ours, as far as that was asked for.
+    fn compared(&self, mut report: PictureReport, rig: &Rig, image: &Path) -> anyhow::Result<PictureReport> {
+        if self.method == Method::Ours && self.height == Method::Ours {
+            return Ok(report);
+        }
+        let finding = paper::analyse(&read_frame(image, rig.image())?, rig)
+            .with_context(|| image.display().to_string())?;
+        if self.method == Method::Paper {
+            report.replace_cutoff(&finding);
+        }
+        if self.height == Method::Paper {
+            report.replace_heights(&finding);
+        }
+        Ok(report)
     }
 }
 

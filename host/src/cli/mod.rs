@@ -11,11 +11,13 @@ macro_rules! say {
 
 pub mod calibrate;
 pub mod campaign;
+pub mod capability;
 pub mod demo;
 pub mod evaluate_scenes;
 pub mod extract;
 pub mod inspect;
 pub mod mcu;
+pub mod paper;
 pub mod picture_report;
 pub mod replay;
 pub mod rig;
@@ -39,6 +41,7 @@ pub struct CommandLine {
 #[derive(Debug, Subcommand)]
 enum Command {
     Calibrate(calibrate::CalibrateArguments),
+    Capability(capability::CapabilityArguments),
     Demo(demo::Demo),
     Inspect(inspect::Inspect),
     Extract(extract::Extract),
@@ -46,6 +49,7 @@ enum Command {
     Rig(rig::RigArguments),
     EvaluateScenes(evaluate_scenes::EvaluateScenes),
     Campaign(campaign::Campaign),
+    Paper(paper::PaperArguments),
     Twin(twin::TwinArguments),
 }
 
@@ -55,6 +59,7 @@ impl CommandLine {
     pub fn run(&self) -> ExitCode {
         let result = match &self.command {
             Command::Calibrate(calibrate) => calibrate.run(),
+            Command::Capability(capability) => capability.run(),
             Command::Demo(demo) => demo.run(),
             Command::Inspect(inspect) => inspect.run(),
             Command::Extract(extract) => extract.run(),
@@ -62,6 +67,7 @@ impl CommandLine {
             Command::Rig(rig) => rig.run(),
             Command::EvaluateScenes(evaluate) => evaluate.run(),
             Command::Campaign(campaign) => campaign.run(),
+            Command::Paper(paper) => paper.run(),
             Command::Twin(twin) => twin.run(),
         };
         match result {

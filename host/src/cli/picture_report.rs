@@ -1,9 +1,11 @@
 //! One picture's findings as programs read them: the JSON of `nearfield inspect`.
 
 use nearfield_shared::height::SizeClass;
+use nearfield_shared::units::Millimetres;
 use serde::Serialize;
 
 use super::mcu::McuVerdict;
+use crate::paper::PaperFinding;
 use crate::vision::Analyser;
 
 /// One line of `nearfield inspect --json`. Lengths and heights are millimetres along and over the floor.
@@ -91,6 +93,30 @@ fn rounded(millimetres: f32) -> f32 {
 }
 
 impl PictureReport {
+    /// Tier 1 as the paper's method sees it; the safety controller's verdict stays its own.
+    pub fn replace_cutoff(&mut self, finding: &PaperFinding) {
+        self.stripe_found = finding.stripe_found;
+        self.cutoff = finding.is_cut;
+        self.longest_gap_mm = rounded(finding.longest_gap_mm());
+        let gaps = finding.gaps.iter().map(|gap| GapReport {
+            start_mm: rounded(gap.start_mm),
+            end_mm: rounded(gap.end_mm),
+            length_mm: rounded(gap.end_mm - gap.start_mm),
+        });
+        self.gaps = gaps.collect();
+    }
+
+    /// Objects and heights as the paper's closed form gives them.
+    pub fn replace_heights(&mut self, finding: &PaperFinding) {
+        let objects = finding.objects.iter().map(|object| ObjectReport {
+            start_mm: rounded(object.start_mm),
+            end_mm: rounded(object.end_mm),
+            height_mm: Some(rounded(object.height_mm)),
+            size: size_name(SizeClass::of(Millimetres::new(object.height_mm))),
+        });
+        self.objects = objects.collect();
+    }
+
     /// Gathers what was found in the analyser's last frame.
     #[must_use]
     pub fn new(image: String, analyser: &Analyser, mcu: McuVerdict, timing_us: Timing) -> Self {
