@@ -1,159 +1,9 @@
-"""The STM32G474's devices that the firmware uses, as registers: clocks, power, flash, pins, timers, SPI with DMA, both
-watchdogs, random numbers, converter, interrupt controller. Written from ST's reference manual RM0440.
-
-A device has plain registers unless a method says otherwise. Faults are fields that a scenario sets.
-"""
+"""Flash, pins, the link with its DMA, random numbers and the interrupt controller, as registers."""
 
 import copy
 import random
 
-from machine import HERTZ
-
-LOW_SPEED_HERTZ = 32_000
-
-
-class Device:
-    """Registers that keep what is written to them."""
-
-    name = "device"
-    base = 0
-    size = 0x400
-    after_reset = {}
-
-    def __init__(self):
-        self.machine = None
-        self.registers = dict(self.after_reset)
-
-    def power_up(self):
-        self.reset("power")
-
-    def reset(self, _why):
-        self.registers = dict(self.after_reset)
-
-    def save(self):
-        return copy.deepcopy({key: value for key, value in self.__dict__.items() if key != "machine"})
-
-    def load(self, saved):
-        self.__dict__.update(copy.deepcopy(saved))
-
-    def get(self, offset):
-        return self.registers.get(offset, 0)
-
-    def read(self, offset):
-        return self.get(offset)
-
-    def write(self, offset, value):
-        self.registers[offset] = value
-
-    def write_sized(self, offset, byte, size, value):
-        if size < 4:
-            mask = ((1 << 8 * size) - 1) << 8 * byte
-            value = self.get(offset) & ~mask | value << 8 * byte & mask
-        self.write(offset, value & 0xFFFF_FFFF)
-
-    def tick(self):
-        """Called before every slice."""
-
-    def next_time(self):
-        """When something happens by itself."""
-
-    def bites(self):
-        """Resets the chip now?"""
-        return False
-
-
-class Clocks(Device):
-    """RCC: every oscillator starts at once; keeps the reset flags."""
-
-    name, base = "clocks", 0x4002_1000
-    after_reset = {0x00: 0x500}
-    FLAGS = {"power": 1 << 27, "pin": 0, "independent watchdog": 1 << 29, "window watchdog": 1 << 30, "software": 1 << 28}
-    PIN = 1 << 26
-
-    def __init__(self):
-        super().__init__()
-        self.flags = 0
-
-    def reset(self, why):
-        super().reset(why)
-        self.flags |= self.FLAGS[why] | self.PIN
-
-    def power_up(self):
-        self.flags = 0
-        self.reset("power")
-
-    def read(self, offset):
-        value = self.get(offset)
-        if offset == 0x00:
-            # HSI, HSE, PLL: ready when on.
-            return value & ~0x0202_0400 | (value & 0x100) << 2 | (value & 0x0101_0000) << 1
-        if offset == 0x08:
-            return value & ~0xC | (value & 3) << 2
-        if offset == 0x94:
-            return value & ~0xFF00_0002 | self.flags | (value & 1) << 1
-        if offset == 0x98:
-            return value & ~2 | (value & 1) << 1
-        return value
-
-    def write(self, offset, value):
-        if offset == 0x94 and value & 1 << 23:
-            self.flags, value = 0, value & ~(1 << 23)
-        if offset == 0x38 and value & 1 << 14:
-            next(device for device in self.machine.devices if device.name == "link").reset("clocks")
-        super().write(offset, value)
-
-
-class Power(Device):
-    """PWR: the voltage detector sees the supply."""
-
-    name, base = "power", 0x4000_7000
-
-    def __init__(self):
-        super().__init__()
-        self.millivolts = 3_300
-
-    def read(self, offset):
-        if offset == 0x14:
-            below = self.get(0x04) & 1 and self.millivolts < 2_900
-            return 1 << 11 if below else 0
-        return self.get(offset)
-
-
-class Converter(Device):
-    """ADC1 with its common registers: channel 18 is the internal reference, 1.212 V."""
-
-    name, base = "converter", 0x5000_0000
-    CALIBRATION = 1_655
-
-    def __init__(self):
-        super().__init__()
-        self.started = None
-
-    def reset(self, why):
-        super().reset(why)
-        self.started = None
-
-    def _finish(self):
-        if self.started is not None and self.machine.time - self.started > 16 * HERTZ // 1_000_000:
-            self.started = None
-            supply = next(device for device in self.machine.devices if device.name == "power").millivolts
-            self.registers[0x40] = min(4_095, 3_000 * self.CALIBRATION // supply)
-            self.registers[0x00] = self.get(0x00) | 0xC
-
-    def read(self, offset):
-        self._finish()
-        return self.get(offset)
-
-    def write(self, offset, value):
-        if offset == 0x00:
-            value = self.get(0x00) & ~value
-        if offset == 0x08:
-            if value & 1:
-                self.registers[0x00] = self.get(0x00) | 1
-            if value & 4:
-                self.started = self.machine.time
-            value &= ~(1 << 31 | 4)
-        super().write(offset, value)
+from device import Device
 
 
 class Flash(Device):
@@ -196,7 +46,7 @@ class Flash(Device):
 
 
 class Port(Device):
-    """A GPIO port; `inputs` maps a pin to a function of the machine's time, `on_change` is told about outputs."""
+    """A GPIO port; its `world` says what the inputs are and is told about the outputs."""
 
     def __init__(self, name, base, modes):
         self.after_reset = {0x00: modes}
@@ -205,7 +55,9 @@ class Port(Device):
         self.log = []
 
     def save(self):
-        return copy.deepcopy({key: value for key, value in self.__dict__.items() if key not in ("machine", "world")})
+        return copy.deepcopy(
+            {key: value for key, value in self.__dict__.items() if key not in ("machine", "world")}
+        )
 
     def level(self, pin):
         """Of an output; a pin that is none floats, and the external resistor pulls it low."""
@@ -230,133 +82,6 @@ class Port(Device):
     def reset(self, why):
         super().reset(why)
         self.world.outputs_changed()
-
-
-class TimeDriver(Device):
-    """TIM15: the firmware's clock."""
-
-    name, base = "clock", 0x4001_4000
-    INTERRUPT = 24
-
-    def __init__(self):
-        super().__init__()
-        self.start, self.last = 0, 0
-
-    def reset(self, why):
-        super().reset(why)
-        self.start = self.last = self.machine.time if self.machine else 0
-        self.last = 0
-
-    def _count(self):
-        if not self.get(0x00) & 1:
-            return 0
-        return (self.machine.time - self.start) // (self.get(0x28) + 1)
-
-    def tick(self):
-        if not self.get(0x00) & 1:
-            return
-        now, before = self._count(), self.last
-        if now < before:
-            before = now
-        state = self.get(0x10)
-        if now >> 16 != before >> 16:
-            state |= 1
-        for channel, offset in ((1, 0x34), (2, 0x38)):
-            compare = self.get(offset)
-            if (now - compare) >> 16 != (before - compare) >> 16:
-                state |= 1 << channel
-        self.last, self.registers[0x10] = now, state
-        if state & self.get(0x0C) & 7:
-            self.machine.pending.add(self.INTERRUPT)
-
-    def next_time(self):
-        if not self.get(0x00) & 1:
-            return None
-        now, prescale, times = self._count(), self.get(0x28) + 1, []
-        for channel, offset in ((0, None), (1, 0x34), (2, 0x38)):
-            if self.get(0x0C) >> channel & 1:
-                compare = self.get(offset) if offset else 0
-                times.append(self.start + (now + ((compare - now - 1) & 0xFFFF) + 1) * prescale)
-        return min(times, default=None)
-
-    def read(self, offset):
-        if offset == 0x24:
-            return self._count() & 0xFFFF
-        if offset == 0x10:
-            self.tick()
-        return self.get(offset)
-
-    def write(self, offset, value):
-        if offset == 0x14:
-            self.start, self.last = self.machine.time, 0
-            return
-        if offset == 0x10:
-            value &= self.get(0x10)
-        if offset == 0x00 and value & 1 and not self.get(0x00) & 1:
-            self.start, self.last = self.machine.time, 0
-        if offset == 0x24:
-            self.start, self.last = self.machine.time - value * (self.get(0x28) + 1), value
-            return
-        super().write(offset, value)
-
-
-class LaserTimer(Device):
-    """TIM3: channel 4 is the laser's brightness."""
-
-    name, base = "laser timer", 0x4000_0400
-
-    def __init__(self):
-        super().__init__()
-        # The timer ignores new levels; the laser's diode or its driver is dead.
-        self.stuck, self.dead = False, False
-
-    def duty(self):
-        """0 to 1."""
-        if self.dead or not (self.get(0x00) & 1 and self.get(0x20) & 1 << 12):
-            return 0.0
-        return min(1.0, self.get(0x40) / (self.get(0x2C) + 1))
-
-    def write(self, offset, value):
-        if self.stuck and offset == 0x40:
-            return
-        super().write(offset, value)
-        self.world.light_changed()
-
-    def save(self):
-        return copy.deepcopy({key: value for key, value in self.__dict__.items() if key not in ("machine", "world")})
-
-
-class LowSpeedCounter(Device):
-    """LPTIM1 on the low-speed oscillator, whose frequency a scenario may change."""
-
-    name, base = "low-speed counter", 0x4000_7C00
-
-    def __init__(self):
-        super().__init__()
-        self.hertz, self.counted, self.since = LOW_SPEED_HERTZ, 0.0, 0
-
-    def reset(self, why):
-        super().reset(why)
-        self.counted, self.since = 0.0, self.machine.time if self.machine else 0
-
-    def set_hertz(self, hertz):
-        self._advance()
-        self.hertz = hertz
-
-    def _advance(self):
-        if self.get(0x10) & 5 == 5:
-            self.counted += (self.machine.time - self.since) * self.hertz / HERTZ
-        self.since = self.machine.time
-
-    def read(self, offset):
-        if offset == 0x1C:
-            self._advance()
-            return int(self.counted) & 0xFFFF
-        return self.get(offset)
-
-    def write(self, offset, value):
-        self._advance()
-        super().write(offset, value)
 
 
 class Link(Device):
@@ -408,76 +133,6 @@ class DirectMemoryAccess(Device):
             self.registers[0x00] = self.get(0x00) & ~value
             return
         super().write(offset, value)
-
-
-class IndependentWatchdog(Device):
-    """IWDG, on the low-speed oscillator."""
-
-    name, base = "independent watchdog", 0x4000_3000
-    after_reset = {0x08: 0xFFF}
-
-    def __init__(self):
-        super().__init__()
-        self.deadline, self.dead = None, False
-
-    def reset(self, why):
-        super().reset(why)
-        self.deadline = None
-
-    def write(self, offset, value):
-        if offset == 0x00:
-            if value == 0xCCCC or (value == 0xAAAA and self.deadline is not None):
-                hertz = next(d for d in self.machine.devices if d.name == "low-speed counter").hertz
-                counts = (self.get(0x08) + 1) * (4 << (self.get(0x04) & 7))
-                self.deadline = self.machine.time + int(counts * HERTZ / hertz) if hertz else float("inf")
-            return
-        super().write(offset, value)
-
-    def next_time(self):
-        return None if self.dead or self.deadline is None or self.deadline == float("inf") else self.deadline
-
-    def bites(self):
-        return not self.dead and self.deadline is not None and self.machine.time >= self.deadline
-
-
-class WindowWatchdog(Device):
-    """WWDG, on the processor's clock; an early feed bites too."""
-
-    name, base = "window watchdog", 0x4000_2C00
-    after_reset = {0x00: 0x7F, 0x04: 0x7F}
-
-    def __init__(self):
-        super().__init__()
-        self.fed, self.dead = None, False
-
-    def reset(self, why):
-        super().reset(why)
-        self.fed = None
-
-    def _step(self):
-        return 4_096 << (self.get(0x04) >> 11 & 7)
-
-    def write(self, offset, value):
-        if offset == 0x00:
-            if self.dead:
-                return
-            now = self.machine.time
-            if self.fed is not None:
-                counter = (self.get(0x00) & 0x7F) - (now - self.fed) // self._step()
-                if counter > (self.get(0x04) & 0x7F):
-                    self.fed = -(10**18)
-                    return
-            if value & 0x80:
-                self.fed = now
-        super().write(offset, value)
-
-    def next_time(self):
-        if self.dead or self.fed is None:
-            return None
-        return self.fed + ((self.get(0x00) & 0x7F) - 0x3F) * self._step()
-
-    def bites(self):
-        return not self.dead and self.fed is not None and self.machine.time >= self.next_time()
 
 
 class RandomNumbers(Device):
@@ -545,11 +200,3 @@ class SystemControl(Device):
             machine.vectors = value
         else:
             super().write(offset, value)
-
-
-class Plain(Device):
-    """Registers without a meaning here."""
-
-    def __init__(self, name, base, size=0x400):
-        self.name, self.base, self.size = name, base, size
-        super().__init__()

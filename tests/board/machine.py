@@ -1,10 +1,10 @@
 """The processor of an STM32G474 and its memory, around Unicorn's Cortex-M4 core.
 
-Unicorn executes instructions. This adds what it leaves out: exceptions with their priorities and stack frames, sleep,
-memory-mapped devices, virtual time, resets that keep RAM, and snapshots.
+Unicorn executes instructions. This adds what it leaves out: exceptions with their priorities and stack frames,
+sleep, memory-mapped devices, virtual time, resets that keep RAM, and snapshots.
 
-Time is counted in cycles of 170 MHz, one instruction a cycle, and moves on in slices: whatever happens between two
-devices is exact to about 12 microseconds. It proves logic, not timing to the cycle, and not silicon.
+Time is counted in cycles of 170 MHz, one instruction a cycle, and moves on in slices: whatever happens between
+two devices is exact to about 12 microseconds. It proves logic, not timing to the cycle, and not silicon.
 """
 
 import copy
@@ -30,6 +30,8 @@ from unicorn import (
 )
 from unicorn import arm_const as arm
 
+from exceptions import Exceptions
+
 HERTZ = 170_000_000
 FLASH, FLASH_SIZE = 0x0800_0000, 0x8_0000
 RAM, RAM_SIZE = 0x2000_0000, 0x1_8000
@@ -43,10 +45,13 @@ TICK_EXCEPTION = 53
 SLICE = 2_000
 LONG_SLICE = 40_000
 
-CORE = [arm.UC_ARM_REG_R0 + place for place in range(13)] + [arm.UC_ARM_REG_SP, arm.UC_ARM_REG_LR, arm.UC_ARM_REG_XPSR]
+CORE = [arm.UC_ARM_REG_R0 + place for place in range(13)] + [
+    arm.UC_ARM_REG_SP,
+    arm.UC_ARM_REG_LR,
+    arm.UC_ARM_REG_XPSR,
+]
 CORE += [arm.UC_ARM_REG_PRIMASK, arm.UC_ARM_REG_BASEPRI, arm.UC_ARM_REG_CONTROL, arm.UC_ARM_REG_FPSCR]
 CORE += [arm.UC_ARM_REG_S0 + place for place in range(32)]
-STACKED = (arm.UC_ARM_REG_R0, arm.UC_ARM_REG_R1, arm.UC_ARM_REG_R2, arm.UC_ARM_REG_R3, arm.UC_ARM_REG_R12, arm.UC_ARM_REG_LR)
 FIRST_EXCEPTION_RETURN = 0xFFFF_FF00
 WAIT_FOR_EVENT, YIELD, SEND_EVENT = b"\x20\xbf", b"\x10\xbf", b"\x40\xbf"
 
@@ -59,7 +64,7 @@ def cycles(seconds):
     return int(seconds * HERTZ)
 
 
-class Machine:
+class Machine(Exceptions):
     """The chip; `devices` are added by `attach`, then `power_up` starts it."""
 
     def __init__(self, elf_path):
@@ -71,7 +76,9 @@ class Machine:
                 if segment["p_type"] == "PT_LOAD" and segment["p_filesz"]
             ]
             symbols = elf.get_section_by_name(".symtab")
-            self.symbols = {symbol.name: (symbol["st_value"], symbol["st_size"]) for symbol in symbols.iter_symbols()}
+            self.symbols = {
+                symbol.name: (symbol["st_value"], symbol["st_size"]) for symbol in symbols.iter_symbols()
+            }
             text = elf.get_section_by_name(".text")
             self.text_start, self.text = text["sh_addr"], text.data()
         self.devices = []
@@ -93,7 +100,7 @@ class Machine:
         self.stands_still = False
         self.stuck = None
 
-    # ---- set-up -----------------------------------------------------------------------------------------------------
+    # ---- set-up ----------------------------------------------------------------------------------
 
     def attach(self, device):
         device.machine = self
@@ -150,7 +157,9 @@ class Machine:
         for place in range(0, len(self.text) - 1, 2):
             opcode = self.text[place : place + 2]
             if opcode in (WAIT_FOR_EVENT, YIELD, SEND_EVENT):
-                hook = {WAIT_FOR_EVENT: self._on_wait, YIELD: self._on_yield, SEND_EVENT: self._on_send}[opcode]
+                hook = {WAIT_FOR_EVENT: self._on_wait, YIELD: self._on_yield, SEND_EVENT: self._on_send}[
+                    opcode
+                ]
                 address = self.text_start + place
                 uc.hook_add(UC_HOOK_CODE, hook, begin=address, end=address)
         uc.hook_add(UC_HOOK_MEM_WRITE_PROT, self._on_flash_write)
@@ -182,7 +191,7 @@ class Machine:
         self.ram[:] = self.uc.mem_read(RAM, RAM_SIZE)
         self.stack_ram[:] = self.uc.mem_read(STACK_RAM, STACK_RAM_SIZE)
 
-    # ---- memory, from outside ----------------------------------------------------------------------------------------
+    # ---- memory, from outside -----------------------------------------------------------
 
     def read(self, address, length):
         return bytes(self.uc.mem_read(address, length))
@@ -235,15 +244,29 @@ class Machine:
         self.flash[offset : offset + length] = b"\xff" * length
         self._poke(FLASH + offset, b"\xff" * length)
 
-    # ---- snapshots ---------------------------------------------------------------------------------------------------
+    # ---- snapshots -------------------------------------------------------------------------------
 
-    FIELDS = ("time", "events", "event_count", "instructions", "flash", "ram", "stack_ram", "resets", "pending")
+    FIELDS = (
+        "time",
+        "events",
+        "event_count",
+        "instructions",
+        "flash",
+        "ram",
+        "stack_ram",
+        "resets",
+        "pending",
+    )
     FIELDS += ("enabled", "priority", "active", "event_flag", "vectors", "pc")
 
     def snapshot(self):
         self.save_memory()
         fields = {name: copy.deepcopy(getattr(self, name)) for name in self.FIELDS}
-        return fields, [self.uc.reg_read(register) for register in CORE], [device.save() for device in self.devices]
+        return (
+            fields,
+            [self.uc.reg_read(register) for register in CORE],
+            [device.save() for device in self.devices],
+        )
 
     def restore(self, snapshot):
         fields, core, devices = snapshot
@@ -256,7 +279,7 @@ class Machine:
         for device, saved in zip(self.devices, devices):
             device.load(saved)
 
-    # ---- hooks -------------------------------------------------------------------------------------------------------
+    # ---- hooks -----------------------------------------------------------------------------------
 
     def _on_wait(self, uc, address, _size, _data):
         if self.event_flag:
@@ -290,7 +313,7 @@ class Machine:
         self.stop = "fault"
         return False
 
-    # ---- devices -----------------------------------------------------------------------------------------------------
+    # ---- devices ---------------------------------------------------------------------------------
 
     def _device(self, address):
         for device in self.by_page.get(address >> 10, ()):
@@ -315,7 +338,7 @@ class Machine:
         self.stop = "reset"
         self.uc.emu_stop()
 
-    # ---- time --------------------------------------------------------------------------------------------------------
+    # ---- time ------------------------------------------------------------------------------------
 
     def at(self, time, owner, method, *arguments):
         """Calls `owner.method(*arguments)` at this time; `world` events outlive a reset."""
@@ -404,58 +427,3 @@ class Machine:
         self.uc.reg_write(arm.UC_ARM_REG_SP, stack - 32)
         self.pc = self.word(self.vectors + 4 * 3)
         self.time += 16
-
-    # ---- exceptions --------------------------------------------------------------------------------------------------
-
-    def _take_interrupt(self):
-        ready = self.pending & self.enabled
-        if not ready or self.uc.reg_read(arm.UC_ARM_REG_PRIMASK) & 1:
-            return
-        number = min(ready, key=lambda n: (self.priority.get(n, 0), n))
-        running = self.active[-1] if self.active else None
-        if running is None or (running != "hard" and self.priority.get(number, 0) < self.priority.get(running, 0)):
-            self._enter(number)
-
-    def _enter(self, number):
-        uc = self.uc
-        stack = uc.reg_read(arm.UC_ARM_REG_SP)
-        control = uc.reg_read(arm.UC_ARM_REG_CONTROL)
-        floating = bool(control & 4)
-        aligned = (stack >> 2) & 1
-        stack -= 4 * aligned
-        status = (uc.reg_read(arm.UC_ARM_REG_XPSR) | 1 << 24) & ~0x200 | aligned << 9
-        frame = struct.pack("<8I", *[uc.reg_read(register) for register in STACKED], self.pc & ~1, status)
-        if floating:
-            singles = [uc.reg_read(arm.UC_ARM_REG_S0 + place) for place in range(16)]
-            frame += struct.pack("<16I", *singles) + struct.pack("<II", uc.reg_read(arm.UC_ARM_REG_FPSCR), 0)
-            uc.reg_write(arm.UC_ARM_REG_CONTROL, control & ~4)
-        stack -= len(frame)
-        if stack < STACK_RAM:
-            self.stands_still = True
-            return
-        uc.mem_write(stack, frame)
-        uc.reg_write(arm.UC_ARM_REG_SP, stack)
-        uc.reg_write(arm.UC_ARM_REG_LR, (0xFFFF_FFE1 if floating else 0xFFFF_FFF1) | (0 if self.active else 8))
-        self.active.append(number)
-        self.pending.discard(number)
-        self.pc = self.word(self.vectors + 4 * (16 + number))
-
-    def _leave(self):
-        uc = self.uc
-        floating = not uc.reg_read(arm.UC_ARM_REG_PC) & 0x10
-        stack = uc.reg_read(arm.UC_ARM_REG_SP)
-        length = 0x68 if floating else 0x20
-        frame = self.read(stack, length)
-        words = struct.unpack("<8I", frame[:32])
-        for register, word in zip(STACKED, words):
-            uc.reg_write(register, word)
-        if floating:
-            for place in range(16):
-                uc.reg_write(arm.UC_ARM_REG_S0 + place, struct.unpack_from("<I", frame, 32 + 4 * place)[0])
-            uc.reg_write(arm.UC_ARM_REG_FPSCR, struct.unpack_from("<I", frame, 96)[0])
-            uc.reg_write(arm.UC_ARM_REG_CONTROL, uc.reg_read(arm.UC_ARM_REG_CONTROL) | 4)
-        uc.reg_write(arm.UC_ARM_REG_SP, stack + length + (4 if words[7] & 0x200 else 0))
-        uc.reg_write(arm.UC_ARM_REG_XPSR, words[7] & ~0x1FF)
-        self.pc = words[6] | 1
-        self.active.pop()
-        self.event_flag = True

@@ -1,11 +1,13 @@
-"""What is wired to the board: relays with mirror contacts, driver read-backs, a button, a key, a laser, and a host that
-sees the laser's light and clocks a transaction in every 20 ms."""
+"""What is wired to the board: relays with mirror contacts, driver read-backs, a button, a key, a laser, and a host
+that sees the laser's light and clocks a transaction in every 20 ms."""
 
 import bisect
 import subprocess
 
 import devices
-from machine import HERTZ, SYSTEM_MEMORY, Machine, cycles
+import supplies
+import timers
+from machine import HERTZ, Machine, cycles
 
 FRAME = cycles(0.020)
 EXPOSURE = cycles(0.004)
@@ -60,9 +62,9 @@ class Robot:
         self.host = host
         self.machine = Machine(elf_path)
         attach = self.machine.attach
-        attach(devices.Clocks())
-        self.power = attach(devices.Power())
-        attach(devices.Converter())
+        attach(supplies.Clocks())
+        self.power = attach(supplies.Power())
+        attach(supplies.Converter())
         attach(devices.Flash())
         self.ports = {}
         for name, base, modes in (
@@ -73,18 +75,18 @@ class Robot:
             port = attach(devices.Port(name, base, modes))
             port.world = self
             self.ports[name] = port
-        self.clock = attach(devices.TimeDriver())
-        self.laser_timer = attach(devices.LaserTimer())
+        self.clock = attach(timers.TimeDriver())
+        self.laser_timer = attach(timers.LaserTimer())
         self.laser_timer.world = self
-        self.low_speed = attach(devices.LowSpeedCounter())
+        self.low_speed = attach(timers.LowSpeedCounter())
         self.link = attach(devices.Link())
         self.dma = attach(devices.DirectMemoryAccess())
-        self.independent = attach(devices.IndependentWatchdog())
-        self.window = attach(devices.WindowWatchdog())
+        self.independent = attach(timers.IndependentWatchdog())
+        self.window = attach(timers.WindowWatchdog())
         self.random = attach(devices.RandomNumbers())
         attach(devices.SystemControl())
-        calibration = devices.Converter.CALIBRATION.to_bytes(2, "little")
-        self.machine.system_memory[0x75AA : 0x75AC] = calibration
+        calibration = supplies.Converter.CALIBRATION.to_bytes(2, "little")
+        self.machine.system_memory[0x75AA:0x75AC] = calibration
         self.faults = {}
         self._forget()
 
@@ -104,11 +106,25 @@ class Robot:
         self.sequence, self.sent, self.answered = 0, 0, 0
         self.next_frame = 0
 
-    WORLD = ("coil_log", "closed_log", "driven_log", "light_log", "scene_log", "pressed_until", "key", "status", "told", "verdict")
+    WORLD = (
+        "coil_log",
+        "closed_log",
+        "driven_log",
+        "light_log",
+        "scene_log",
+        "pressed_until",
+        "key",
+        "status",
+        "told",
+        "verdict",
+    )
     WORLD += ("frames", "shorten", "sequence", "sent", "answered", "next_frame")
 
     def snapshot(self):
-        logs = {name: list(v) if isinstance(v, list) else v for name, v in ((n, getattr(self, n)) for n in self.WORLD)}
+        logs = {
+            name: list(v) if isinstance(v, list) else v
+            for name, v in ((n, getattr(self, n)) for n in self.WORLD)
+        }
         logs["coil_log"] = {channel: list(log) for channel, log in self.coil_log.items()}
         return logs, self.machine.snapshot()
 
@@ -120,7 +136,7 @@ class Robot:
         self.faults = {}
         self.machine.restore(machine)
 
-    # ---- wires -------------------------------------------------------------------------------------------------------
+    # ---- wires -----------------------------------------------------------------------------------
 
     COILS = {"a": 0, "b": 1}
 
@@ -194,7 +210,7 @@ class Robot:
     def scene_at(self, time):
         return [height for at, height in self.scene_log if at <= time][-1]
 
-    # ---- the host's side of the link ---------------------------------------------------------------------------------
+    # ---- the host's side of the link -------------------------------------------------------------
 
     def _clock_in(self, message):
         """A transaction, if the board is ready for one."""
@@ -202,7 +218,9 @@ class Robot:
         if not ready:
             return False
         message = message[: self.shorten] if self.shorten else message
-        self.machine.at(self.machine.time + len(message) * 8 * HERTZ // LINK_HERTZ, "world", "arrive", message)
+        self.machine.at(
+            self.machine.time + len(message) * 8 * HERTZ // LINK_HERTZ, "world", "arrive", message
+        )
         return True
 
     def arrive(self, message):
@@ -241,7 +259,7 @@ class Robot:
             target = min(end, self.next_frame) if self.frames else end
             self.machine.run(target, self)
 
-    # ---- for scenarios -----------------------------------------------------------------------------------------------
+    # ---- for scenarios ---------------------------------------------------------------------------
 
     @property
     def now(self):

@@ -1,12 +1,13 @@
-"""Runs the board's unmodified binary on a register-level model and injects faults; see README.md beside this file."""
+"""Runs the board's unmodified binary on a register-level model and injects faults; see README.md beside it."""
 
 import argparse
 import json
 import sys
 import time
 
+import faults
 import scenarios
-from machine import FLASH, HERTZ, cycles
+from machine import FLASH, HERTZ
 from robot import Host, Robot
 
 # Seconds after the armed snapshot at which a fault comes: at a tick, between two, in a frame, in a symbol of the laser.
@@ -96,7 +97,7 @@ class Bench:
             raise Failed(f"does not stay armed: {robot.told}")
         self.armed = robot.snapshot()
 
-    # ---- scenarios -----------------------------------------------------------------------------------------------------
+    # ---- scenarios -------------------------------------------------------------------------------
 
     def play(self, scenario):
         if scenario.kind == "control":
@@ -177,9 +178,9 @@ class Bench:
     def flip_anything(self, seed, count):
         """Single bits of the controller's memory, one at a time; then a demand."""
         robot = self.robot
-        address, size = scenarios.static(robot, "10CONTROLLER")
+        address, size = faults.static(robot, "10CONTROLLER")
         at_once, on_demand, slowest = 0, 0, 0.0
-        for place, bit in scenarios.random_flips(seed, count):
+        for place, bit in faults.random_flips(seed, count):
             robot.restore(self.armed)
             begin = robot.machine.time
             target = address + int(place * size)
@@ -209,9 +210,13 @@ def arguments():
     parser.add_argument("--elf", required=True, help=argparse.SUPPRESS)
     parser.add_argument("--host", required=True, help=argparse.SUPPRESS)
     parser.add_argument("--list", action="store_true", help="name the scenarios and end")
-    parser.add_argument("--only", metavar="NAME", action="append", help="play these scenarios only; may be repeated")
+    parser.add_argument(
+        "--only", metavar="NAME", action="append", help="play these scenarios only; may be repeated"
+    )
     parser.add_argument("--json", action="store_true", help="one JSON object a line on standard output")
-    parser.add_argument("--flips", type=int, default=24, metavar="N", help="random bits of the controller's memory (24)")
+    parser.add_argument(
+        "--flips", type=int, default=24, metavar="N", help="random bits of the controller's memory (24)"
+    )
     parser.add_argument("--seed", type=int, default=1, help="of the random bits (1)")
     return parser.parse_args()
 
@@ -224,11 +229,22 @@ class Table:
 
     def line(self, name, what, limit, took, result):
         if self.as_json:
-            row = {"scenario": name, "what": what, "limit_ms": limit and limit * 1e3, "seen_ms": took and took * 1e3}
+            row = {
+                "scenario": name,
+                "what": what,
+                "limit_ms": limit and limit * 1e3,
+                "seen_ms": took and took * 1e3,
+            }
             print(json.dumps({**row, "result": result}), flush=True)
             return
         bound = f"{limit * 1e3:8.1f}" if limit else "       -"
-        seen = f"{took * 1e3:8.1f}" if took is not None else "   never" if result == "ok" and not limit else "       -"
+        seen = (
+            f"{took * 1e3:8.1f}"
+            if took is not None
+            else "   never"
+            if result == "ok" and not limit
+            else "       -"
+        )
         print(f"{name:<22} {what:<58} {bound} {seen}  {result}", flush=True)
 
 
