@@ -120,7 +120,7 @@ def lose_output(robot):
 
 
 def no_rig(robot):
-    robot.machine.erase_flash(0x7_F000, 0x1000)
+    robot.machine.erase_flash(0x7_E000, 0x1000)
 
 
 def close_key(robot):

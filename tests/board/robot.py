@@ -105,6 +105,7 @@ class Robot:
         self.shorten = None
         self.sequence, self.sent, self.answered = 0, 0, 0
         self.next_frame = 0
+        self.answer = b""
 
     WORLD = (
         "coil_log",
@@ -212,7 +213,7 @@ class Robot:
 
     # ---- the host's side of the link -------------------------------------------------------------
 
-    def _clock_in(self, message):
+    def transact(self, message):
         """A transaction, if the board is ready for one."""
         ready = self.ports["A"].level(8) and self.link.is_listening() and self.dma.is_armed()
         if not ready:
@@ -247,7 +248,7 @@ class Robot:
         damage = self.faults.get("damage")
         if damage is not None:
             message = message[:damage] + bytes([message[damage] ^ 4]) + message[damage + 1 :]
-        self.sent += self._clock_in(message)
+        self.sent += self.transact(message)
 
     def run(self, seconds):
         """Lets time pass; with `frames` on, the host sends one every 20 ms."""

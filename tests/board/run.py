@@ -14,6 +14,10 @@ from robot import Host, Robot
 MOMENTS = (0.0, 0.0033, 0.0117, 0.0541)
 
 
+# Bytes of an entry of the fault log, see shared/src/service.
+FAULT_ENTRY = 32
+
+
 class Failed(Exception):
     """A scenario did not end as it must."""
 
@@ -45,20 +49,32 @@ class Bench:
         return took
 
     def _store_rig(self):
-        """As a service technician: key closed, power up, send the rig, read it back."""
+        """As a service technician: key closed, the rig sent, read back and acknowledged."""
         robot = self.robot
-        robot.key = True
         robot.machine.power_up()
         self._boot(lambda: robot.ports["A"].level(8), 4)
-        message = self.host.rig + bytes(4096)
-        for _ in range(2):
-            robot._clock_in(message)
-            robot.run(0.06)
-        if robot.answer[: len(self.host.rig)] != self.host.rig:
-            raise Failed("the rig was not read back as it was stored")
-        if robot.closed_since(0) or robot.driven_log[-1][1]:
-            raise Failed("a relay pin was high in service mode")
+        if self._ask("store", 1)[0] != "ServiceKeyOpen":
+            raise Failed("a rig is taken without the service key")
+        robot.key = True
+        for number, request in ((2, "store"), (3, "candidate"), (4, "acknowledge")):
+            result, data = self._ask(request, number)
+            if result != "Done" or (request == "candidate" and data != self.host.rig):
+                raise Failed(f"service request {request}: {result}")
+        if robot.driven_log != [(0, False)] and robot.closed_since(0):
+            raise Failed("the relays closed during service")
         robot.key = False
+
+    def _ask(self, request, number):
+        """A service request and what its page says in the end."""
+        robot = self.robot
+        message = bytes.fromhex(self.host.ask(f"{request} {number}"))
+        for _ in range(60):
+            robot.transact(message)
+            robot.run(0.02)
+            page = self.host.ask(f"page {robot.answer.hex()}").split()
+            if page[0] == str(number) and page[1] != "Working":
+                return page[1], b"" if page[2] == "-" else bytes.fromhex(page[2])
+        raise Failed(f"no answer to the service request {request}")
 
     def _power_up(self):
         """Both watchdogs bite; the moment after the second bite is kept."""
@@ -102,6 +118,8 @@ class Bench:
     def play(self, scenario):
         if scenario.kind == "control":
             return self._play_control(scenario)
+        if scenario.kind == "log":
+            return self._play_log(scenario)
         if scenario.kind in ("start", "power-up"):
             return self._play_start(scenario)
         # What takes a whole round of self-tests does not depend on the moment within a frame.
@@ -115,6 +133,24 @@ class Bench:
         robot.run(scenario.limit)
         if robot.opened_after(begin) is not None:
             raise Failed(f"opened after {robot.opened_after(begin):.3f} s: {robot.told} {robot.told.live}")
+        return None
+
+    def _play_log(self, scenario):
+        """Entries are kept in flash while the relays are open, and read again at the next start."""
+        robot = self.robot
+        robot.restore(self.armed)
+        robot.frames = False
+        result, before = self._ask("faults", 10)
+        robot.restore(self.armed)
+        scenario.inject(robot)
+        robot.run(0.5)
+        robot.frames = False
+        robot.machine.power_up(seed=4)
+        self._boot(lambda: robot.ports["A"].level(8), 6)
+        result, after = self._ask("faults", 11)
+        # At least the stop and the new start were added, behind what was there.
+        if result != "Done" or len(after) < len(before) + 2 * FAULT_ENTRY or after[: len(before)] != before:
+            raise Failed(f"{result}: {len(before)} bytes of log before the stop, {len(after)} after the power-up")
         return None
 
     def _play_running(self, scenario, moment):

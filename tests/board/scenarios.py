@@ -17,6 +17,8 @@ TRANSACTION = 0.002
 # A picture is 20 ms old when it is sent, its exposure's half 2 ms.
 SEEN = 0.022 + FRAME + TRANSACTION
 LINK_TIMEOUT = 0.060
+# A transaction that was under way when the host fell silent still counts.
+SILENCE = TRANSACTION + LINK_TIMEOUT + TICK + 0.001
 FEEDBACK = 0.050
 PULSES = 2 * 0.500
 ROUND = 10.0
@@ -64,14 +66,14 @@ def running():
         case(
             "host-silent",
             "no transactions any more",
-            LINK_TIMEOUT + TICK,
+            SILENCE,
             faults.host("frames", False),
             "link_timeout",
         ),
         case(
             "short-frames",
             "SPI transactions end after 1000 bytes",
-            LINK_TIMEOUT + TICK,
+            SILENCE,
             faults.host("shorten", 1000),
             "link_timeout",
         ),
@@ -345,5 +347,12 @@ def control():
             12.0,
             faults.none,
             kind="control",
-        )
+        ),
+        Scenario(
+            "fault-log",
+            "a stop is still told by the fault log after the next power-up",
+            0.0,
+            faults.scene("none"),
+            kind="log",
+        ),
     ]

@@ -5,7 +5,7 @@
 //! bytes are left out of the CRC. An image that was never sealed fails the test, and the relays never close.
 //!
 //! **Polynomial:** 0x93A409EB (Koopman's 0xC9D204F5): Hamming distance 4 up to 2,147,483,615 data bits, so every
-//! pattern of up to three wrong bits anywhere in the largest image (508 KiB, 4.2 million bits) is found, every odd
+//! pattern of up to three wrong bits anywhere in the largest image (504 KiB, 4.1 million bits) is found, every odd
 //! number of them, every burst of up to 32 bits, and of all other damage all but one in 2^32. Ethernet's polynomial
 //! has distance 4 only up to 91,607 bits (11 KB). Source: P. Koopman, "Best CRC Polynomials", users.ece.cmu.edu/~koopman/crc;
 //! the distance at this length is proven again by this module's tests.
@@ -22,7 +22,7 @@ pub const SEAL_BYTES: usize = 16;
 /// `NFIM`, little-endian: the seal was written.
 pub const SEAL_MAGIC: u32 = 0x4D49_464E;
 /// The longest image: flash without the pages that hold data, see memory.x.
-pub const LONGEST_IMAGE: u32 = 508 * 1024;
+pub const LONGEST_IMAGE: u32 = 504 * 1024;
 
 const ALGORITHM: Algorithm<u32> = Algorithm {
     width: 32,

@@ -6,6 +6,8 @@
 //! | `rig` | the rig's compact form, in hex |
 //! | `scan SEQUENCE AGE EXPOSURE LIGHT HEIGHT VERDICT STATUS` | what the status says (see below) and the line-scan, in hex |
 //! | `status STATUS` | what the status says |
+//! | `store NUMBER`, `candidate NUMBER`, `acknowledge NUMBER`, `faults NUMBER` | the service request, in hex |
+//! | `page TRANSACTION` | `NUMBER RESULT DATA` of the page in it, or `-` |
 //!
 //! SEQUENCE = number of the line-scan; AGE and EXPOSURE in microseconds; LIGHT = the laser's brightness during the exposure, 0 to 255; HEIGHT = millimetres
 //! over the floor everywhere, or `none` for a stripe that is not there; VERDICT = `clear` or `stop`; STATUS = the last
@@ -26,6 +28,7 @@ use nearfield_shared::linescan::{
     AUDIT_PIXELS, AuditWindow, HostVerdict, LINE_SCAN_LENGTH, LineScanColumn, LineScanHeader, encode,
 };
 use nearfield_shared::rig::{ImageSize, Rig, Stripe};
+use nearfield_shared::service::{Demand, Page, encode_request};
 use nearfield_shared::status::{Challenge, FaultCode, STATUS_LENGTH, Status};
 use nearfield_shared::units::{Micros, SequenceNumber, SignalQuality, SourceId, SubpixelRow};
 use std::io::{BufRead as _, Write as _};
@@ -85,6 +88,13 @@ impl Host {
         match words.as_slice() {
             ["rig"] => Ok(hex(&self.rig.to_bytes())),
             ["status", status] => told(&parse(status)?.context("no status")?),
+            ["store", number] => request(number, &Demand::StoreRig { rig: &self.rig.to_bytes() }),
+            ["candidate", number] => request(number, &Demand::ReadCandidate),
+            ["acknowledge", number] => {
+                request(number, &Demand::AcknowledgeRig { calibration: self.rig.calibration_id() })
+            }
+            ["faults", number] => request(number, &Demand::ReadFaultLog { page: 0 }),
+            ["page", transaction] => page(&bytes(transaction)?),
             ["scan", sequence, age, exposure, light, height, verdict, status] => {
                 let status = parse(status)?;
                 let facts = Picture {
@@ -162,6 +172,19 @@ fn windows(challenge: &Challenge, light: u8, row_of: impl Fn(usize) -> f32) -> V
         AuditWindow { column: *column, first_row, pixels }
     };
     challenge.columns.iter().take(usize::from(challenge.count)).map(window).collect()
+}
+
+fn request(number: &str, demand: &Demand<'_>) -> Result<String> {
+    let mut message = [0; LINE_SCAN_LENGTH];
+    encode_request(&mut message, SOURCE, number.parse()?, demand);
+    Ok(hex(&message))
+}
+
+/// What the page in a transaction says.
+fn page(transaction: &[u8]) -> Result<String> {
+    let Some(page) = Page::find(transaction)? else { return Ok("-".to_owned()) };
+    let data = if page.data.is_empty() { "-".to_owned() } else { hex(page.data) };
+    Ok(format!("{} {:?} {data}", page.header.request, page.header.result))
 }
 
 fn told(status: &Status) -> Result<String> {

@@ -15,6 +15,7 @@ use embassy_time::{Duration, Instant, with_timeout};
 use nearfield_firmware::selftest::Outcome;
 use nearfield_firmware::selftest::memory::Region;
 use nearfield_shared::linescan::LINE_SCAN_LENGTH;
+use nearfield_shared::service::{NO_PAGE, PAGE_LENGTH, PAGE_OFFSET, PageBytes};
 use nearfield_shared::status::STATUS_LENGTH;
 use nearfield_shared::units::Micros;
 use static_cell::ConstStaticCell;
@@ -76,12 +77,14 @@ pub(crate) struct Exchanges {
     received: Channel<CriticalSectionRawMutex, &'static mut Message, 1>,
     returned: Channel<CriticalSectionRawMutex, &'static mut Message, 1>,
     status: Mutex<CriticalSectionRawMutex, Cell<[u8; STATUS_LENGTH]>>,
+    page: Mutex<CriticalSectionRawMutex, Cell<PageBytes>>,
 }
 
 static EXCHANGES: Exchanges = Exchanges {
     received: Channel::new(),
     returned: Channel::new(),
     status: Mutex::new(Cell::new([0; STATUS_LENGTH])),
+    page: Mutex::new(Cell::new(NO_PAGE)),
 };
 
 /// The only one.
@@ -105,6 +108,26 @@ impl Exchanges {
     pub(crate) fn publish(&self, status: [u8; STATUS_LENGTH]) {
         self.status.lock(|cell| cell.set(status));
     }
+
+    /// For the safety task: the page that the next transactions carry behind the status. Masks interrupts for some
+    /// hundred instructions.
+    pub(crate) fn publish_page(&self, page: &PageBytes) {
+        self.page.lock(|cell| cell.set(*page));
+    }
+
+    /// Writes what the next transaction carries into its buffer.
+    fn write_answer(&self, message: &mut Message) {
+        message.fill(0);
+        let status = self.status.lock(Cell::get);
+        if let Some(slot) = message.first_chunk_mut::<STATUS_LENGTH>() {
+            *slot = status;
+        }
+        if let Some(slot) =
+            message.get_mut(PAGE_OFFSET..).and_then(|rest| rest.first_chunk_mut::<PAGE_LENGTH>())
+        {
+            *slot = self.page.lock(Cell::get);
+        }
+    }
 }
 
 /// The link's hardware.
@@ -118,17 +141,13 @@ impl HostLink {
         Self { parts, next_block: 0 }
     }
 
-    /// The one buffer; call once.
-    pub(crate) fn take_buffer(&mut self) -> &'static mut Message {
-        BUFFER.0.take()
-    }
-
     /// Transaction after transaction.
     pub(crate) async fn run(&mut self, exchanges: &'static Exchanges) {
-        let mut message = self.take_buffer();
+        let mut message = BUFFER.0.take();
         loop {
-            let status = exchanges.status.lock(Cell::get);
-            if self.exchange(message, &status).await {
+            self.test_buffer();
+            exchanges.write_answer(message);
+            if self.exchange(message).await {
                 exchanges.received.send(message).await;
                 message = exchanges.returned.receive().await;
             } else {
@@ -155,14 +174,9 @@ impl HostLink {
         }
     }
 
-    /// One transaction: `answer` goes out at its beginning, `message` takes what comes in. `false` if it did not
+    /// One transaction: what `message` holds goes out, and what comes in takes its place. `false` if it did not
     /// complete.
-    pub(crate) async fn exchange(&mut self, message: &mut Message, answer: &[u8]) -> bool {
-        self.test_buffer();
-        message.fill(0);
-        for (byte, answer) in message.iter_mut().zip(answer) {
-            *byte = *answer;
-        }
+    async fn exchange(&mut self, message: &mut Message) -> bool {
         let parts = &mut self.parts;
         // A new driver each time resets the SPI: nothing else empties its transmit FIFO after a short transaction.
         let mut driver = Spi::new_slave(

@@ -1,17 +1,18 @@
 //! The firmware on the STM32G474RE (Nucleo-G474RE). Built, not run on hardware.
 //!
-//! Two tasks that move bytes and pins; `nearfield_firmware` decides:
+//! Three tasks that move bytes and pins; `nearfield_firmware` decides:
 //!
 //! * `safety_task`, in an interrupt: every 5 ms a slice of the self-tests and a tick, and each received message as it
 //!   comes; it alone drives the relays and feeds the watchdogs;
-//! * `link_task`, in thread mode: one SPI transaction after the other.
+//! * `link_task`, in an interrupt below it: one SPI transaction after the other;
+//! * `start_task`, in thread mode: tests and starts everything, then keeps rigs and fault log in flash (see `storage`).
 //!
 //! | pin | direction | use |
 //! |---|---|---|
 //! | PC0, PC1 | out | relay coils, channels A and B; high = closed |
 //! | PC2, PC3 | in, pull-down | mirror contacts of A and B; high = main contacts proven open |
 //! | PC13 | in, pull-down | reset button; high = pressed |
-//! | PC8 | in, pull-down | service key; high at power-up = service mode, see `service` |
+//! | PC8 | in, pull-down | service key; high = the stored rig may be changed while the relays are open |
 //! | PB0, PB1 | in, pull-down | what the coil drivers of A and B give out |
 //! | PC9 | out | laser driver: 20 kHz PWM |
 //! | PC6 | out | warning |
@@ -28,8 +29,6 @@ mod bare_metal;
 #[cfg(target_os = "none")]
 mod board;
 #[cfg(target_os = "none")]
-mod calibration;
-#[cfg(target_os = "none")]
 mod host_link;
 #[cfg(target_os = "none")]
 mod laser;
@@ -38,11 +37,13 @@ mod low_speed_clock;
 #[cfg(target_os = "none")]
 mod random;
 #[cfg(target_os = "none")]
+mod records;
+#[cfg(target_os = "none")]
 mod self_tests;
 #[cfg(target_os = "none")]
-mod service;
-#[cfg(target_os = "none")]
 mod settings;
+#[cfg(target_os = "none")]
+mod storage;
 #[cfg(target_os = "none")]
 mod supply;
 #[cfg(target_os = "none")]
@@ -51,14 +52,16 @@ mod watchdogs;
 #[cfg(target_os = "none")]
 mod target {
     use crate::host_link::{self, Exchanges, HostLink};
+    use crate::records::Records;
     use crate::self_tests::SelfTests;
     use crate::watchdogs::{self, Watchdogs};
-    use crate::{board, calibration, random, service};
+    use crate::{board, random, storage};
     use defmt_rtt as _;
     use embassy_executor::{Executor, InterruptExecutor};
     use embassy_futures::select::{Either, select};
     use embassy_stm32::interrupt::{self, InterruptExt as _, Priority};
     use embassy_time::{Duration, Instant, Timer};
+    use nearfield_firmware::black_box::recorded::{RecordedController, RecorderMemory};
     use nearfield_firmware::link::is_poll;
     use nearfield_firmware::safety::{LineScanMonitor, Outputs, SafetyController, StartInputs, TickInputs};
     use nearfield_shared::limits::TICK_PERIOD;
@@ -71,16 +74,27 @@ mod target {
     const SOURCE: SourceId = SourceId::new(1);
 
     /// The controller as this binary holds it.
-    pub(crate) type Controller = SafetyController<&'static mut LineScanMonitor>;
+    pub(crate) type Controller =
+        RecordedController<&'static mut LineScanMonitor, &'static mut RecorderMemory>;
 
     /// All zeros at start, so that it takes no flash.
     static MONITOR: ConstStaticCell<LineScanMonitor> = ConstStaticCell::new(LineScanMonitor::new());
     static CONTROLLER: StaticCell<Controller> = StaticCell::new();
+    static RECORDER: StaticCell<RecorderMemory> = StaticCell::new();
     static THREAD_EXECUTOR: StaticCell<Executor> = StaticCell::new();
-    /// Runs the safety task above the link task, in an interrupt that no peripheral of this board uses.
+    /// Runs the safety task above everything else, in an interrupt that no peripheral of this board uses.
     static SAFETY_EXECUTOR: InterruptExecutor = InterruptExecutor::new();
+    /// Runs the link task above the flash's, in another one.
+    static LINK_EXECUTOR: InterruptExecutor = InterruptExecutor::new();
 
     defmt::timestamp!("{=u64:us}", Instant::now().as_micros());
+
+    /// The link executor's interrupt.
+    #[embassy_stm32::interrupt]
+    unsafe fn UART4() {
+        // SAFETY: called from the interrupt that the executor was started with, and from nowhere else.
+        unsafe { LINK_EXECUTOR.on_interrupt() }
+    }
 
     /// The safety executor's interrupt.
     #[embassy_stm32::interrupt]
@@ -107,46 +121,59 @@ mod target {
 
     #[cortex_m_rt::entry]
     fn main() -> ! {
-        THREAD_EXECUTOR.init(Executor::new()).run(|spawner| match link_task() {
+        THREAD_EXECUTOR.init(Executor::new()).run(|spawner| match start_task() {
             Ok(task) => spawner.spawn(task),
             Err(_) => board::restart(),
         })
     }
 
-    /// Sets the board up, tests it, starts the safety task, and then moves messages.
+    /// Sets the board up, tests it, starts the other tasks, and then serves the flash.
     #[embassy_executor::task]
-    async fn link_task() {
+    async fn start_task() {
         let mut board = board::start();
         // After power-up this resets the chip twice.
         let (reset_cause, bites) = watchdogs::test(&mut board.watchdogs);
         defmt::info!("reset cause {=u8}", log_code(reset_cause));
         let secret = random::draw_secret();
         let mut self_tests = SelfTests::start(bites, secret.is_some()).await;
-        let mut stored = [0; COMPACT_LENGTH];
-        let mut store = calibration::Store::new(board.flash);
-        store.load(&mut stored).await;
-        let mut link = HostLink::new(board.link);
-        if board.pins.read(None).service_key {
-            // The controller is not even started: nothing can close the relays.
-            service::run(&mut link, &mut store).await;
-        }
-        let controller = CONTROLLER.init(SafetyController::new(SOURCE, MONITOR.take()));
-        // Without a secret the self-tests have failed, and what takes its place is never used.
-        let inputs = StartInputs { reset_cause, stored_rig: &stored, secret: secret.unwrap_or_default() };
-        match controller.start(&inputs) {
+        let recorder = RECORDER.init_with(|| RecorderMemory::new(SOURCE));
+        let controller =
+            CONTROLLER.init(Controller::new(SafetyController::new(SOURCE, MONITOR.take()), recorder));
+        let mut store = storage::open(board.flash);
+        store.load_log(controller.fault_log()).await;
+        // Without a rig, or without a secret, the relays never close: the first is a cause to stop, the other a failed
+        // self-test; what takes their place here is never used.
+        let stored_rig = store.active_rig().await.unwrap_or([0; COMPACT_LENGTH]);
+        let secret = secret.unwrap_or_default();
+        match controller.start(&StartInputs { reset_cause, stored_rig: &stored_rig, secret }) {
             Ok(()) => defmt::info!("calibration in use"),
             Err(_) => defmt::warn!("no valid calibration: the relays stay open"),
         }
-        self_tests.finish_start(&stored, controller.calibration());
+        self_tests.finish_start(&stored_rig, controller.controller().calibration());
         let exchanges = host_link::exchanges();
         exchanges.publish(controller.status(now()));
         let watchdogs = Watchdogs::start(board.watchdogs);
         interrupt::UART5.set_priority(Priority::P6);
-        let spawner = SAFETY_EXECUTOR.start(interrupt::UART5);
-        match safety_task(controller, board.pins, watchdogs, self_tests, exchanges) {
-            Ok(task) => spawner.spawn(task),
-            Err(_) => board::restart(),
+        let safety = SAFETY_EXECUTOR.start(interrupt::UART5);
+        interrupt::UART4.set_priority(Priority::P8);
+        let link = LINK_EXECUTOR.start(interrupt::UART4);
+        let tasks = (
+            safety_task(controller, board.pins, watchdogs, self_tests, exchanges),
+            link_task(HostLink::new(board.link), exchanges),
+        );
+        match tasks {
+            (Ok(safety_task), Ok(link_task)) => {
+                safety.spawn(safety_task);
+                link.spawn(link_task);
+            }
+            _ => board::restart(),
         }
+        storage::run(store).await
+    }
+
+    /// Moves messages.
+    #[embassy_executor::task]
+    async fn link_task(mut link: HostLink, exchanges: &'static Exchanges) {
         link.run(exchanges).await
     }
 
@@ -176,6 +203,7 @@ mod target {
         let period = Duration::from_micros(TICK_PERIOD.get());
         let mut outputs = Outputs::SAFE;
         let mut pulse = None;
+        let mut records = Records::new();
         // A whole period after the window watchdog's start: an early feed would be a reset.
         let mut next_tick = Instant::now() + period;
         loop {
@@ -186,12 +214,13 @@ mod target {
                     outputs = controller.on_exchange(now(), line_scan);
                     pins.drive(outputs);
                     exchanges.publish(controller.status(now()));
+                    exchanges.publish_page(controller.page());
                     exchanges.give_back(message);
                 }
                 Either::Second(()) => {
                     // Measured from now: ticks that were missed are not made up for in a burst.
                     next_tick = Instant::now() + period;
-                    let self_test = self_tests.step(pins.laser(), controller.calibration());
+                    let self_test = self_tests.step(pins.laser(), controller.controller().calibration());
                     let inputs = TickInputs { pins: pins.read(pulse.take()), self_test };
                     let tick = controller.tick(now(), inputs);
                     outputs = tick.outputs;
@@ -201,6 +230,9 @@ mod target {
                         watchdogs.feed(permit);
                     }
                     exchanges.publish(controller.status(now()));
+                    if records.step(now(), controller) {
+                        exchanges.publish_page(controller.page());
+                    }
                 }
             }
             if outputs.relays != before {
