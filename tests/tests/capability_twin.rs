@@ -59,13 +59,16 @@ fn objects_at_the_stated_limits_are_detected_and_clearly_smaller_ones_are_not() 
             );
             let trips =
                 |width: f64, height: f64| is_cut(&rig, &view, vec![plate(&rig, along, width, height)]);
-            // Low plates: a high one hides floor from the camera and is found narrower than it is.
+            // Low plates: a high one hides floor from the camera. Far from the laser even a low one casts a long shadow
+            // in the sheet of light and is found however narrow it is; the stated width is that of flat things.
             let low = height + 0.75;
+            let origin = rig.laser().origin;
+            let shadow = low * (along - origin.x).abs() / origin.z;
             let narrow = width - 3.5 - 2.0 * place.millimetres_per_column;
             assert!(trips(width + 0.5, low), "{name} at {along}: {width} mm wide is missed");
             assert!(trips(60.0, height + 0.3), "{name} at {along}: {height} mm high is missed");
             assert!(
-                !trips(narrow, low),
+                shadow > 4.0 || !trips(narrow, low),
                 "{name} at {along}: {narrow} mm wide trips, the width is too cautious"
             );
             assert!(!trips(60.0, height - 1.5), "{name} at {along}: the height is too cautious");
