@@ -71,6 +71,17 @@ impl ResetButton {
         ButtonReport { reset, stuck: self.is_stuck(now) }
     }
 
+    /// With its times changed, for the model check.
+    #[cfg(test)]
+    pub(crate) fn aged(self, older: impl Fn(Micros) -> Micros) -> Self {
+        let press = match self.press {
+            Press::Released => Press::Released,
+            Press::Pressed { since } => Press::Pressed { since: older(since) },
+            Press::Void { since } => Press::Void { since: since.map(older) },
+        };
+        Self { press }
+    }
+
     /// All of it, for the check of the controller's memory.
     pub(crate) fn words(&self) -> [u64; 2] {
         match self.press {

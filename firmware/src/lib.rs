@@ -60,6 +60,8 @@ pub mod link;
 pub mod liveness;
 pub mod lockstep;
 pub mod map_check;
+#[cfg(test)]
+mod model_check;
 pub mod output_test;
 pub mod relay;
 pub mod safety;

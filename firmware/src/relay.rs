@@ -133,6 +133,13 @@ impl Relays {
         self.command.is_intact()
     }
 
+    /// With its times changed, for the model check.
+    #[cfg(test)]
+    pub(crate) fn aged(mut self, older: impl Fn(Micros) -> Micros) -> Self {
+        self.differs_since = self.differs_since.map(|since| since.map(&older));
+        self
+    }
+
     /// All of it, for the check of the controller's memory.
     pub(crate) fn words(&self) -> [u64; 3] {
         let [a, b] = self.differs_since.map(|since| since.map_or(u64::MAX, Micros::get));

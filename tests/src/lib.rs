@@ -1,5 +1,6 @@
 //! The harness of the behaviour tests.
 
+pub mod campaign;
 pub mod emulator;
 pub mod oracle;
 pub mod pair;

@@ -34,6 +34,7 @@ pub use emulator::emulator_firmware;
 pub use in_process::InProcess;
 pub use plant::{DriverFault, RelayFault, RelayPlant};
 pub use session::{FRAME_PERIOD, FrameFacts, McuSession};
+pub use simulated_light::report as simulated_light_report;
 
 pub use nearfield_firmware::lockstep::{Reply, SimulatedSelfTest, SimulatedTick};
 pub use nearfield_firmware::output_test::{Channel, PulseReadback};

@@ -151,7 +151,7 @@ impl McuSession {
         facts: FrameFacts,
     ) -> Result<Box<[u8; LINE_SCAN_LENGTH]>, LinkError> {
         let level = self.light.level_at(self.now.since(facts.capture_age));
-        let light = simulated_light::report(columns, level, &self.challenge);
+        let light = simulated_light::report(columns, columns, level, &self.challenge);
         self.next_lit_line_scan(columns, &light, facts)
     }
 
@@ -256,6 +256,21 @@ impl McuSession {
     /// The controller cannot be reached.
     pub fn hang(&mut self) -> Result<(), LinkError> {
         self.link.hang(self.now)
+    }
+
+    /// One frame period in which the host asks for the status and gives no line-scan.
+    ///
+    /// # Errors
+    /// The controller cannot be reached.
+    pub fn run_poll(&mut self) -> Result<(), LinkError> {
+        self.exchange(None)?;
+        self.run_frame(None)
+    }
+
+    /// Time passes without ticks and exchanges: the controller's clock goes on, its program is held up.
+    pub const fn stall(&mut self, span: Micros) {
+        self.now = self.now.plus(span);
+        self.next_tick = self.next_tick.plus(span);
     }
 
     /// Which controller this is.

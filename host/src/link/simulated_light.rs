@@ -53,25 +53,35 @@ impl SimulatedLight {
     }
 }
 
-/// What an honest host reports of these columns in this light, besides them.
-pub fn report(columns: &[LineScanColumn], level: u8, challenge: &Challenge) -> LightReport {
+/// What a host that claims `claimed` reports besides, while the camera shows `shown` in light of this level. An honest
+/// host claims what the camera shows.
+#[must_use]
+pub fn report(
+    claimed: &[LineScanColumn],
+    shown: &[LineScanColumn],
+    level: u8,
+    challenge: &Challenge,
+) -> LightReport {
     let mut light = LightReport { ambient: 80, ..LightReport::new() };
-    for (index, column) in columns.iter().enumerate() {
+    for (index, column) in claimed.iter().enumerate() {
         if column.row.to_pixels().is_some() && column.quality >= WEAKEST_SIGNAL {
-            let block = BrightnessProfile::block_of(index, columns.len());
+            let block = BrightnessProfile::block_of(index, claimed.len());
             light.brightness.blocks[block] = u16::from(level) * BRIGHTNESS_PER_LEVEL;
         }
     }
+    let row = |columns: &[LineScanColumn], column: u16| {
+        columns.get(usize::from(column)).and_then(|column| column.row.to_pixels())
+    };
     let asked = challenge.columns.iter().take(usize::from(challenge.count));
-    light.windows.extend(asked.map(|column| window(*column, columns)));
+    light.windows.extend(asked.map(|column| window(*column, row(claimed, *column), row(shown, *column))));
     light
 }
 
-fn window(column: u16, columns: &[LineScanColumn]) -> AuditWindow {
-    let row = columns.get(usize::from(column)).and_then(|column| column.row.to_pixels());
-    let first_row = first_row_for(row.unwrap_or(0.0));
+/// The pixels around a claimed row, of a camera that sees the stripe at `shown`.
+fn window(column: u16, claimed: Option<f32>, shown: Option<f32>) -> AuditWindow {
+    let first_row = first_row_for(claimed.unwrap_or(0.0));
     let mut pixels = [FLOOR_SIGNAL; AUDIT_PIXELS];
-    if let Some(row) = row {
+    if let Some(row) = shown {
         for (offset, pixel) in pixels.iter_mut().enumerate() {
             let distance = f32::from(first_row) + offset as f32 - row;
             *pixel += (STRIPE_SIGNAL * (-distance * distance / 6.0).exp()) as u8;
