@@ -2,9 +2,10 @@
 //! own [`Store`](nearfield_firmware::store::Store) runs over it.
 
 use std::ops::Range;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
-use nearfield_firmware::store::STORE_PAGES;
+use nearfield_firmware::store::{RIG_PAGES, STORE_PAGES};
 
 /// Bytes of a page, as on the board.
 pub const PAGE_LENGTH: usize = 2048;
@@ -12,17 +13,38 @@ pub const PAGE_LENGTH: usize = 2048;
 pub const WORD_LENGTH: usize = 8;
 const LENGTH: usize = PAGE_LENGTH * STORE_PAGES as usize;
 
-/// The store's pages. They keep their content over resets and power cycles of the controller beside them.
+/// The store's pages. They keep their content over resets and power cycles of the controller beside them; a clone is
+/// another handle to the same chip.
 #[derive(Debug, Clone)]
-pub struct SimulatedFlash {
-    bytes: Box<[u8; LENGTH]>,
-}
+pub struct SimulatedFlash(Arc<Mutex<[u8; LENGTH]>>);
 
 impl SimulatedFlash {
     /// As delivered: erased.
     #[must_use]
     pub fn new() -> Self {
-        Self { bytes: Box::new([0xFF; LENGTH]) }
+        Self(Arc::new(Mutex::new([0xFF; LENGTH])))
+    }
+
+    /// From a file's content; `None` unless it has the length of these pages.
+    #[must_use]
+    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        Some(Self(Arc::new(Mutex::new(bytes.try_into().ok()?))))
+    }
+
+    /// The content, for a file.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        self.content().to_vec()
+    }
+
+    /// Erases the rig's slots: no rig is stored.
+    pub fn forget_rig(&self) {
+        self.content()[..PAGE_LENGTH * RIG_PAGES as usize].fill(0xFF);
+    }
+
+    fn content(&self) -> MutexGuard<'_, [u8; LENGTH]> {
+        // Torn content is what the store is made for.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -50,7 +72,7 @@ impl ReadNorFlash for SimulatedFlash {
     const READ_SIZE: usize = 1;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
-        bytes.copy_from_slice(&self.bytes[range(offset, bytes.len(), Self::READ_SIZE)?]);
+        bytes.copy_from_slice(&self.content()[range(offset, bytes.len(), Self::READ_SIZE)?]);
         Ok(())
     }
 
@@ -65,12 +87,13 @@ impl NorFlash for SimulatedFlash {
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
         let length = to.checked_sub(from).ok_or(NorFlashErrorKind::OutOfBounds)?;
-        self.bytes[range(from, length as usize, PAGE_LENGTH)?].fill(0xFF);
+        self.content()[range(from, length as usize, PAGE_LENGTH)?].fill(0xFF);
         Ok(())
     }
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
-        let words = &mut self.bytes[range(offset, bytes.len(), WORD_LENGTH)?];
+        let mut content = self.content();
+        let words = &mut content[range(offset, bytes.len(), WORD_LENGTH)?];
         // A word with error correction takes one write after an erase.
         if words.iter().any(|byte| *byte != 0xFF) {
             return Err(NorFlashErrorKind::Other);
@@ -92,6 +115,12 @@ mod tests {
         assert_eq!(block_on(flash.write(8, &[1; 16])), Ok(()));
         assert_eq!(block_on(flash.read(8, &mut read)), Ok(()));
         assert_eq!(read, [1; 16]);
+        let copy = SimulatedFlash::from_bytes(&flash.to_bytes()).unwrap();
+        assert_eq!(copy.to_bytes()[8..24], [1; 16]);
+        assert!(SimulatedFlash::from_bytes(&flash.to_bytes()[1..]).is_none());
+        flash.clone().forget_rig();
+        assert_eq!(flash.to_bytes(), [0xFF; LENGTH], "the same chip");
+        flash = copy;
         assert_eq!(block_on(flash.write(16, &[0; 8])), Err(NorFlashErrorKind::Other), "written already");
         assert_eq!(block_on(flash.erase(0, 2048)), Ok(()));
         assert_eq!(block_on(flash.write(16, &[0; 8])), Ok(()));

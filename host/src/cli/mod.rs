@@ -9,6 +9,7 @@ macro_rules! say {
     }};
 }
 
+pub mod blackbox;
 pub mod calibrate;
 pub mod campaign;
 pub mod capability;
@@ -21,6 +22,7 @@ pub mod paper;
 pub mod picture_report;
 pub mod replay;
 pub mod rig;
+pub mod service;
 pub mod twin;
 
 use std::process::ExitCode;
@@ -51,6 +53,9 @@ enum Command {
     Campaign(campaign::Campaign),
     Paper(paper::PaperArguments),
     Twin(twin::TwinArguments),
+    #[command(name = "blackbox")]
+    BlackBox(blackbox::BlackBoxArguments),
+    Service(service::ServiceArguments),
 }
 
 impl CommandLine {
@@ -69,6 +74,8 @@ impl CommandLine {
             Command::Campaign(campaign) => campaign.run(),
             Command::Paper(paper) => paper.run(),
             Command::Twin(twin) => twin.run(),
+            Command::BlackBox(black_box) => black_box.run(),
+            Command::Service(service) => service.run(),
         };
         match result {
             Ok(code) => ExitCode::from(code),

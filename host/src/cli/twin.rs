@@ -163,14 +163,14 @@ fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     std::fs::write(path, bytes).with_context(|| format!("{}: cannot write", path.display()))
 }
 
-fn load_rig(name: &str) -> anyhow::Result<Rig> {
+pub(super) fn load_rig(name: &str) -> anyhow::Result<Rig> {
     match RIGS.iter().find(|(known, ..)| *known == name) {
         Some((_, mounting, _)) => Ok(mounting.rig()?),
         None => Ok(rig_file::load(Path::new(name))?),
     }
 }
 
-fn load_scene(name: &str, rig: &Rig) -> anyhow::Result<Scene> {
+pub(super) fn load_scene(name: &str, rig: &Rig) -> anyhow::Result<Scene> {
     if let Some(scene) = gallery::scene(name) {
         return Ok(scene);
     }
