@@ -19,7 +19,7 @@ use super::twin::{load_rig, load_scene};
 use crate::black_box::simulated::SessionLink;
 use crate::black_box::{Recording, Replay, ServiceClient, plot};
 use crate::line_scan::LineScanEncoder;
-use crate::link::{FrameFacts, InProcess, McuSession, SIMULATED_SOURCE};
+use crate::link::{FrameFacts, InProcess, McuSession};
 use crate::rig_file;
 use crate::twin::{Picture, Twin, View};
 use crate::vision::Analyser;
@@ -135,7 +135,7 @@ impl Fetch {
         self.stop(&rig, &mut session)?;
         let bar = progress_bar();
         let mut link = SessionLink::new(&mut session, page);
-        let mut client = ServiceClient::new(&mut link, SIMULATED_SOURCE, first_number());
+        let mut client = ServiceClient::new(&mut link, InProcess::SOURCE, first_number());
         let recording = client.fetch(|page, pages| {
             bar.set_length(u64::from(pages));
             bar.set_position(u64::from(page));

@@ -14,7 +14,7 @@ use crate::black_box::ServiceClient;
 use crate::black_box::replay::calibration_of;
 use crate::black_box::simulated::{PageWatch, SessionLink};
 use crate::black_box::simulated_flash::SimulatedFlash;
-use crate::link::{InProcess, McuSession, SIMULATED_SOURCE};
+use crate::link::{InProcess, McuSession};
 use crate::rig_file;
 
 /// Read or change the rig in the safety controller's flash.
@@ -94,7 +94,7 @@ impl ServiceArguments {
         session.run_frame(None)?;
         let calibration = {
             let mut link = SessionLink::new(&mut session, page);
-            ServiceClient::new(&mut link, SIMULATED_SOURCE, first_number()).store_rig(&rig.to_bytes())?
+            ServiceClient::new(&mut link, InProcess::SOURCE, first_number()).store_rig(&rig.to_bytes())?
         };
         drop(session);
         let (restarted, _) = power_up(&flash)?;
@@ -109,7 +109,7 @@ impl ServiceArguments {
     fn read(&self) -> anyhow::Result<Rig> {
         let (mut session, page) = power_up(&self.load_flash()?)?;
         let mut link = SessionLink::new(&mut session, page);
-        let stored = ServiceClient::new(&mut link, SIMULATED_SOURCE, first_number())
+        let stored = ServiceClient::new(&mut link, InProcess::SOURCE, first_number())
             .read_rig()?
             .with_context(|| format!("{}: no rig is stored in this flash", self.flash.display()))?;
         Rig::from_bytes(&stored).map_err(|error| anyhow::anyhow!("{}: {error}", self.flash.display()))

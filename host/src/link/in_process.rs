@@ -13,7 +13,7 @@ use nearfield_shared::status::{ResetCause, STATUS_LENGTH};
 use nearfield_shared::units::{Micros, SourceId};
 
 /// The module that simulated controllers are; the emulator's binary is built with the same.
-pub const SIMULATED_SOURCE: SourceId = SourceId::new(1);
+pub(super) const SIMULATED_SOURCE: SourceId = SourceId::new(1);
 
 type Controller = RecordedController<Box<LineScanMonitor>, Box<RecorderMemory>>;
 
@@ -31,6 +31,9 @@ pub struct InProcess {
 }
 
 impl InProcess {
+    /// The module that it is.
+    pub const SOURCE: SourceId = SIMULATED_SOURCE;
+
     /// Without power; see [`McuLink::start`].
     #[must_use]
     pub fn new() -> Self {

@@ -31,7 +31,7 @@ mod simulated_light;
 
 pub use emulated::Emulated;
 pub use emulator::emulator_firmware;
-pub use in_process::{InProcess, SIMULATED_SOURCE};
+pub use in_process::InProcess;
 pub use plant::{DriverFault, RelayFault, RelayPlant};
 pub use session::{FRAME_PERIOD, FrameFacts, McuSession};
 pub use simulated_light::report as simulated_light_report;
