@@ -386,7 +386,9 @@ impl<'a> Stagehand<'a> {
             light.windows.clear();
         }
         if self.is_on(Fault::SequenceJump) {
-            (0..3).for_each(|_| drop(self.session.next_header(facts)));
+            for _ in 0..3 {
+                self.session.next_header(facts);
+            }
         }
         let mut message = self.session.next_lit_line_scan(&claimed, &light, facts)?.to_vec();
         self.spoil(&mut message);

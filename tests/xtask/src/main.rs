@@ -25,6 +25,7 @@ nearfield's chores. Each sets up what it needs by itself.
                          both images with their CRC
   cargo xtask board      the board's unmodified binary on a register-level model (Python, Unicorn), with injected faults
                          (--list, --only NAME, --json)
+  cargo xtask campaign   a million frames with injected faults, alone and in pairs (--frames N, --seed N, --json)
   cargo xtask emulate    the tests that run the firmware on an emulated Cortex-M4
   cargo xtask budget     flash, RAM, stack and instructions of the firmware against tests/budget.toml
                          (--write keeps the measured figures plus headroom as the new budget)
@@ -69,6 +70,7 @@ fn dispatch(verb: &str, rest: &[String]) -> Result<()> {
         }
         // For the model that `board` starts, not for people.
         "board-host" => board_host::run(),
+        "campaign" => campaign(rest),
         "emulate" => emulate(),
         "budget" => {
             setup::everything()?;
@@ -123,6 +125,12 @@ fn test() -> Result<()> {
          model, panic-free proof, budgets"
     );
     Ok(())
+}
+
+fn campaign(rest: &[String]) -> Result<()> {
+    let mut arguments = vec!["run", "--release", "--package", "nearfield-tests", "--bin", "campaign", "--"];
+    arguments.extend(rest.iter().map(String::as_str));
+    Step::cargo(&arguments).run()
 }
 
 fn emulate() -> Result<()> {
