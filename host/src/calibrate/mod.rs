@@ -9,6 +9,7 @@
 //! | [`session`] | the whole rig from a board on the floor, the clean stripe and blocks of known height |
 //! | [`shadow`], [`world`] | where the laser's fan starts; from the floor's frame to the robot's |
 //! | [`uncertainty`], [`verdict`] | what the result is worth, in millimetres and in words |
+//! | `refusal` | the words for calibrations that cannot go on |
 //! | [`drift`] | is a calibrated rig still true? |
 //! | [`output`], [`plot`] | files: rig with uncertainties, compact form, drawings |
 //!
@@ -24,6 +25,7 @@ pub mod output;
 pub mod picture;
 pub mod plot;
 pub mod pose;
+mod refusal;
 pub mod session;
 pub mod shadow;
 pub mod sheet;

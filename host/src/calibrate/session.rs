@@ -10,6 +10,7 @@ use super::lens::LensKnowledge;
 use super::model::{Level, Model, Observations, Sheet, StripePoint};
 use super::picture::{CalibrationPicture, common_size};
 use super::pose::first_pose;
+use super::refusal::{crooked, no_block, no_stripe, unfixed};
 use super::shadow::{Apex, ShadowRay, find_apex, shadow_rays};
 use super::sheet::{
     FloorLine, Placed, find_floor_line, find_top, loose_tolerance, on_line, placed, stripe_points,
@@ -229,14 +230,6 @@ fn fitting_square(inputs: &Inputs, views: &[BoardView], seen: &mut Seen) -> Opti
     None
 }
 
-fn unfixed() -> CalibrationError {
-    CalibrationError::Degenerate(
-        "the pictures do not fix lens, floor and laser together; take the board larger in the picture and a block \
-         of 50 mm or more"
-            .to_owned(),
-    )
-}
-
 /// Lens and poses from the boards alone.
 fn board_fit(inputs: &Inputs, views: &[BoardView]) -> Result<Fit, CalibrationError> {
     let lens = inputs.lens.expected();
@@ -335,43 +328,6 @@ fn off_line(camera: &Camera, found: &[Candidate], line: &FloorLine, tolerance: f
     let floor = placed(camera, found, 0.0);
     let on_floor: Vec<Pixel> = on_line(&floor, line, tolerance).iter().map(|placed| placed.pixel).collect();
     found.iter().copied().filter(|candidate| !on_floor.contains(&candidate.pixel)).collect()
-}
-
-fn no_stripe(inputs: &Inputs) -> CalibrationError {
-    CalibrationError::Picture {
-        path: inputs.stripe.path.clone(),
-        problem: "no laser stripe is found on the floor: is the laser on, the floor clear, and is this the picture \
-                  of the clean stripe?"
-            .to_owned(),
-    }
-}
-
-fn crooked(inputs: &Inputs, noise: f64) -> CalibrationError {
-    CalibrationError::Picture {
-        path: inputs.stripe.path.clone(),
-        problem: format!(
-            "what looks like the stripe is no straight line on the floor ({noise:.1} px off): is the floor flat, the \
-             stripe sharp, and is this lens described (--lens, --view)?"
-        ),
-    }
-}
-
-fn no_block(inputs: &Inputs, problems: &[Option<String>]) -> CalibrationError {
-    let told = inputs.blocks.iter().zip(problems).map(|(block, problem)| {
-        format!("{}: {}", block.picture.path.display(), problem.as_deref().unwrap_or("not used"))
-    });
-    let told: Vec<String> = told.collect();
-    if told.is_empty() {
-        return CalibrationError::Degenerate(
-            "no block: the floor alone does not tell the laser's tilt; give the stripe over a block of known height \
-             (--block HEIGHT=PICTURE)"
-                .to_owned(),
-        );
-    }
-    CalibrationError::Degenerate(format!(
-        "no block can be used, so the laser's tilt is unknown\n  {}",
-        told.join("\n  ")
-    ))
 }
 
 /// Do the blocks agree about the sheet?
