@@ -18,10 +18,12 @@ mod proof {
     use core::cell::UnsafeCell;
     use core::hint::black_box;
     use core::panic::PanicInfo;
+    use nearfield_firmware::black_box::recorded::{RecordedController, RecorderMemory};
     use nearfield_firmware::flow::FeedPermit;
     use nearfield_firmware::lockstep::{REQUEST_HEADER_LENGTH, Request, RequestHeader, SimulatedTick};
     use nearfield_firmware::safety::{LineScanMonitor, SafetyController, StartInputs};
     use nearfield_firmware::secret::SECRET_LENGTH;
+    use nearfield_firmware::store::StoreError;
     use nearfield_shared::action::{Category, action_for};
     use nearfield_shared::camera::Pixel;
     use nearfield_shared::columns::Decimation;
@@ -30,6 +32,9 @@ mod proof {
     use nearfield_shared::linescan::{self, AuditWindow, LINE_SCAN_LENGTH, LineScan, LineScanColumn};
     use nearfield_shared::monitor::StripeMonitor;
     use nearfield_shared::rig::{COMPACT_LENGTH, Rig};
+    use nearfield_shared::service::{
+        FAULT_ENTRY_LENGTH, NO_PAGE, PAGE_LENGTH, Page, Request as ServiceRequest, StopIndex, encode_request,
+    };
     use nearfield_shared::status::{ResetCause, STATUS_LENGTH, Status};
     use nearfield_shared::units::{Micros, Millimetres, SignalQuality, SourceId, SubpixelRow};
 
@@ -84,8 +89,13 @@ mod proof {
     static TIME: Unknown<u64> = Unknown::new(0);
     static SECRET: Unknown<[u8; SECRET_LENGTH]> = Unknown::new([0; SECRET_LENGTH]);
     static REQUEST: Unknown<[u8; REQUEST_HEADER_LENGTH]> = Unknown::new([0; REQUEST_HEADER_LENGTH]);
-    static CONTROLLER: Unknown<SafetyController<LineScanMonitor>> =
-        Unknown::new(SafetyController::new(SourceId::new(1), LineScanMonitor::new()));
+    static CONTROLLER: Unknown<RecordedController<LineScanMonitor, RecorderMemory>> =
+        Unknown::new(RecordedController::new(
+            SafetyController::new(SourceId::new(1), LineScanMonitor::new()),
+            RecorderMemory::new(SourceId::new(1)),
+        ));
+    static PAGE: Unknown<[u8; PAGE_LENGTH]> = Unknown::new(NO_PAGE);
+    static FAULT: Unknown<[u8; FAULT_ENTRY_LENGTH]> = Unknown::new([0; FAULT_ENTRY_LENGTH]);
     static MONITOR: Unknown<StripeMonitor<1152>> = Unknown::new(StripeMonitor::new());
 
     fn sink(value: bool) {
@@ -99,6 +109,7 @@ mod proof {
             messages();
             tiers();
             controller();
+            service();
             #[cfg(feature = "control")]
             control();
         }
@@ -129,7 +140,16 @@ mod proof {
             let columns = COLUMNS.read();
             let mut reply = [0; LINE_SCAN_LENGTH];
             for window in scan.audit_windows() {
-                sink(linescan::encode(&mut reply, scan.header(), &columns, &scan.brightness(), &[window, window]).is_ok());
+                sink(
+                    linescan::encode(
+                        &mut reply,
+                        scan.header(),
+                        &columns,
+                        &scan.brightness(),
+                        &[window, window],
+                    )
+                    .is_ok(),
+                );
             }
             let none: [AuditWindow; 0] = [];
             sink(
@@ -185,8 +205,33 @@ mod proof {
         sink(output.outputs.relays.a && output.permit.as_ref().is_some_and(|_: &FeedPermit| true));
         let message = MESSAGE.look();
         let outputs = controller.on_exchange(Micros::new(TIME.read()), message.get(..LENGTH.read()));
-        sink(outputs.relays.b && controller.calibration().is_some());
+        sink(outputs.relays.b && controller.controller().calibration().is_some());
         STATUS.write(controller.status(Micros::new(TIME.read())));
+        PAGE.write(*controller.page());
+        controller.fault_log().restore(&FAULT.read());
+        if controller.take_job().is_some() {
+            let rig = RIG.read();
+            let outcome = if rig == [0; COMPACT_LENGTH] { Err(StoreError::Flash) } else { Ok(Some(rig)) };
+            controller.finish_job(Micros::new(TIME.read()), &outcome);
+        }
+        if let Some(entry) = controller.unsaved_fault() {
+            FAULT.write(entry.to_bytes());
+            controller.fault_saved(&entry);
+        }
+    }
+
+    #[inline(never)]
+    fn service() {
+        let message = MESSAGE.look();
+        if let Some(request) = message.get(..LENGTH.read()).and_then(ServiceRequest::parse)
+            && let Ok(demand) = request.demand
+        {
+            let mut again = [0; LINE_SCAN_LENGTH];
+            encode_request(&mut again, request.source, request.number, &demand);
+            sink(again.iter().any(|byte| *byte == 7));
+        }
+        sink(Page::parse(PAGE.look()).is_ok_and(|page| page.data.len() > page.header.result.words().len()));
+        sink(Page::find(MESSAGE.look()).is_ok() && StopIndex::parse(PAGE.look()).is_some());
     }
 
     #[cfg(feature = "control")]
