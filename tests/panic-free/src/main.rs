@@ -23,6 +23,13 @@ mod proof {
     use nearfield_firmware::lockstep::{REQUEST_HEADER_LENGTH, Request, RequestHeader, SimulatedTick};
     use nearfield_firmware::safety::{LineScanMonitor, SafetyController, StartInputs};
     use nearfield_firmware::secret::SECRET_LENGTH;
+    use nearfield_firmware::selftest::clock::ClockCheck;
+    use nearfield_firmware::selftest::memory::{self, Cells, Region};
+    use nearfield_firmware::selftest::program::{ImageSeal, ProgramCheck, Progress, SEAL_BYTES};
+    use nearfield_firmware::selftest::schedule::Schedule;
+    use nearfield_firmware::selftest::stack::StackCheck;
+    use nearfield_firmware::selftest::watchdog::{self, Marker, ResetFlags};
+    use nearfield_firmware::selftest::{Outcome, Verdict, configuration, processor, random, supply};
     use nearfield_firmware::store::StoreError;
     use nearfield_shared::action::{Category, action_for};
     use nearfield_shared::camera::Pixel;
@@ -110,6 +117,7 @@ mod proof {
             tiers();
             controller();
             service();
+            self_tests();
             #[cfg(feature = "control")]
             control();
         }
@@ -232,6 +240,78 @@ mod proof {
         }
         sink(Page::parse(PAGE.look()).is_ok_and(|page| page.data.len() > page.header.result.words().len()));
         sink(Page::find(MESSAGE.look()).is_ok() && StopIndex::parse(PAGE.look()).is_some());
+    }
+
+    /// Memory for the march, as the board's is.
+    struct Words<'a>(&'a mut [u32]);
+
+    impl Cells for Words<'_> {
+        fn count(&self) -> usize {
+            self.0.len()
+        }
+        fn read(&self, place: usize) -> u32 {
+            self.0.get(place).copied().unwrap_or(0)
+        }
+        fn write(&mut self, place: usize, value: u32) {
+            if let Some(word) = self.0.get_mut(place) {
+                *word = value;
+            }
+        }
+    }
+
+    static WORDS: Unknown<[u32; 64]> = Unknown::new([0; 64]);
+
+    #[inline(never)]
+    fn self_tests() {
+        let now = Micros::new(TIME.read());
+        let mut cells = Words(WORDS.look());
+        let marched = memory::march_all(&mut cells).is_ok() && memory::transparent(&mut cells).is_ok();
+        let regions = [Region { address: LENGTH.read(), words: LENGTH.read() }];
+        sink(memory::block_of(&regions, LENGTH.read()).is_some() && memory::block_count(&regions) == 3);
+        let mut stack = StackCheck::new();
+        let [word, complement, ..] = WORDS.read();
+        let marker = Marker::from_words([word, complement]);
+        let flags = ResetFlags { power: marched, ..ResetFlags::default() };
+        let (marker, start) = watchdog::after_reset(marker, flags);
+        sink(matches!(start, watchdog::Start::Run { .. }) && marker.is_far_from_running());
+        let mut clock = ClockCheck::new();
+        clock.step(now, u16::try_from(word & 0xFFFF).unwrap_or(0));
+        clock.step(Micros::new(TIME.read()), u16::try_from(complement & 0xFFFF).unwrap_or(0));
+        sink(WORDS.look().first_chunk().and_then(random::secret_of).is_some());
+        let mut schedule = Schedule::new();
+        for outcome in [
+            stack.step(&cells_of(WORDS.look())),
+            clock.outcome(now),
+            supply::check(
+                u16::try_from(word >> 16).unwrap_or(0),
+                u16::try_from(complement >> 16).unwrap_or(0),
+            ),
+            configuration::check(&RIG.read(), CONTROLLER.look().controller().calibration()),
+            processor::check_registers(processor::CORE_REGISTERS, |seed| seed ^ word),
+            processor::check_arithmetic(),
+            processor::check_float_arithmetic(),
+            program_outcome(),
+        ] {
+            schedule.record_start(schedule.next(), outcome, now);
+            schedule.record(schedule.next(), outcome, now);
+        }
+        sink(schedule.report().verdict(now) == Verdict::Passed);
+    }
+
+    fn cells_of(words: &mut [u32; 64]) -> Words<'_> {
+        Words(words)
+    }
+
+    fn program_outcome() -> Outcome {
+        let seal = STATUS.look().first_chunk().copied().unwrap_or([0; SEAL_BYTES]);
+        let mut check = ProgramCheck::new(&seal, u32::try_from(LENGTH.read()).unwrap_or(0));
+        sink(check.wanted().is_some());
+        let sealed = ImageSeal::of(MESSAGE.look(), &RIG.read()).is_some();
+        match check.feed(MESSAGE.look().get(..LENGTH.read()).unwrap_or(&[])) {
+            Progress::Intact => Outcome::passed_if(sealed),
+            Progress::Underway => Outcome::Pending,
+            Progress::Damaged => Outcome::Failed,
+        }
     }
 
     #[cfg(feature = "control")]

@@ -50,12 +50,14 @@ pub(crate) struct Pins {
 }
 
 impl Pins {
-    /// `pulse`: what the pulse of the tick before has shown.
+    /// `pulse`: what the pulse of the tick before has shown. While the service key is closed, the reset button counts
+    /// for nothing: nobody starts the robot while somebody may change its rig.
     pub(crate) fn read(&self, pulse: Option<PulseReadback>) -> PinInputs {
+        let service_key = self.service_key.is_high();
         PinInputs {
             mirror: MirrorContacts { a: self.mirror_a.is_high(), b: self.mirror_b.is_high() },
-            reset_pressed: self.reset_button.is_high(),
-            service_key: self.service_key.is_high(),
+            reset_pressed: self.reset_button.is_high() && !service_key,
+            service_key,
             coils: self.coils(),
             pulse,
         }

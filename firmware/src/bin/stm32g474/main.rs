@@ -12,7 +12,7 @@
 //! | PC0, PC1 | out | relay coils, channels A and B; high = closed |
 //! | PC2, PC3 | in, pull-down | mirror contacts of A and B; high = main contacts proven open |
 //! | PC13 | in, pull-down | reset button; high = pressed |
-//! | PC8 | in, pull-down | service key; high = the stored rig may be changed while the relays are open |
+//! | PC8 | in, pull-down | service key; high = the stored rig may be changed while the relays are open; the button is off |
 //! | PB0, PB1 | in, pull-down | what the coil drivers of A and B give out |
 //! | PC9 | out | laser driver: 20 kHz PWM |
 //! | PC6 | out | warning |
