@@ -8,7 +8,7 @@ use nearfield_shared::cutoff::Gap;
 use nearfield_shared::height::SizeClass;
 use nearfield_shared::limits::{SHORTEST_STRIPE_MM, VOTE_FRAMES, WEAKEST_SIGNAL};
 use nearfield_shared::monitor::{StripeMonitor, StripeReport};
-use nearfield_shared::rig::Rig;
+use nearfield_shared::rig::{Rig, Stripe};
 use nearfield_shared::units::Millimetres;
 
 use super::extractor::{Extractor, ForeignFrame, OffFloorPoint};
@@ -47,7 +47,7 @@ pub struct Analyser {
     objects: Vec<StripeObject>,
     sorted: Vec<OffFloorPoint>,
     smoothed: Vec<f32>,
-    profile: Profile,
+    stripe: Stripe,
 }
 
 impl Analyser {
@@ -61,7 +61,7 @@ impl Analyser {
         monitor.configure(rig, Decimation::none(rig.image().width))?;
         let columns = usize::from(rig.image().width);
         Ok(Self {
-            profile: Profile::new(rig),
+            stripe: *rig.stripe(),
             extractor,
             monitor,
             report: StripeReport::default(),
@@ -113,7 +113,6 @@ impl Analyser {
             self.monitor.update_with(self.extractor.readings().iter().copied(), |gap| gaps.push(gap), |_| {});
         self.gaps.sort_unstable_by(|one, other| one.start.get().total_cmp(&other.start.get()));
         self.collect_objects();
-        self.profile.fill(&self.extractor);
     }
 
     fn collect_objects(&mut self) {
@@ -176,10 +175,10 @@ impl Analyser {
         &self.objects
     }
 
-    /// Heights along the stripe in the last frame.
+    /// Heights along the stripe in the last frame: for people and recordings, worked out when it is asked for.
     #[must_use]
-    pub const fn profile(&self) -> &Profile {
-        &self.profile
+    pub fn profile(&self) -> Profile {
+        Profile::of(&self.extractor, self.stripe)
     }
 
     /// Is there a stripe in the last frame, on the floor or off it? Less than [`SHORTEST_STRIPE_MM`] of it in all is

@@ -46,7 +46,7 @@ const POOLED_COLUMNS: usize = 16;
 /// ripples of a few levels themselves.
 const LEAST_NOISE: f32 = 0.8;
 /// The background's variation is measured in every so manieth column: it is pooled anyway.
-const NOISE_STRIDE: usize = 4;
+const NOISE_STRIDE: usize = 8;
 
 /// One column's finding. Rows are rows of samples.
 #[derive(Debug, Clone, Copy)]

@@ -131,14 +131,7 @@ impl<'a> Ridge<'a> {
     pub fn peak(&self, search: std::ops::Range<usize>) -> Option<Peak> {
         let inner = self.inner();
         let search = search.start.max(inner.start)..search.end.min(inner.end);
-        let is_crest = |position: &usize| {
-            let [before, here, after] = [position - 1, *position, position + 1].map(|at| self.sums[at]);
-            here >= before && here >= after
-        };
-        let strength = |position: &usize| self.sums[*position];
-        let interior = search.start.max(inner.start + 1)..search.end.min(inner.end.saturating_sub(1));
-        let mut crest =
-            interior.filter(is_crest).max_by_key(strength).or_else(|| search.max_by_key(strength))?;
+        let mut crest = self.highest_crest(search.clone(), &inner).or_else(|| self.highest(search))?;
         while crest > inner.start && self.sums[crest - 1] > self.sums[crest] {
             crest -= 1;
         }
@@ -157,6 +150,30 @@ impl<'a> Ridge<'a> {
             let (row, width) = self.measure(crest, background as f32 / length, contrast);
             Peak { row, contrast, rise, width }
         })
+    }
+
+    /// The highest local maximum in `search`; of equal ones the last.
+    #[inline]
+    fn highest_crest(&self, search: std::ops::Range<usize>, inner: &std::ops::Range<usize>) -> Option<usize> {
+        let interior = search.start.max(inner.start + 1)..search.end.min(inner.end.saturating_sub(1));
+        let first = interior.start;
+        let around = self.sums.get(first.checked_sub(1)?..interior.end + 1)?;
+        let mut best: Option<(i32, usize)> = None;
+        for (offset, sums) in around.windows(3).enumerate() {
+            let [before, here, after] = [sums[0], sums[1], sums[2]];
+            if here >= before && here >= after && best.is_none_or(|(most, _)| here >= most) {
+                best = Some((here, first + offset));
+            }
+        }
+        best.map(|(_, position)| position)
+    }
+
+    /// The highest position in `search`; of equal ones the last.
+    fn highest(&self, search: std::ops::Range<usize>) -> Option<usize> {
+        let first = search.start;
+        let sums = self.sums.get(search)?;
+        let highest = sums.iter().enumerate().max_by_key(|(_, sum)| **sum)?;
+        Some(first + highest.0)
     }
 
     /// Sub-pixel row and width. The row is the centre of gravity of what rises above a quarter of the height, within
@@ -235,8 +252,36 @@ const FORTY_PERCENT_STEP: f32 = 0.741_6;
 /// kernel is believed if it explains more. `refine` allows the finer one, which is for places where a stripe is expected:
 /// texture has many fine ridges.
 pub fn find<S: Signal>(signal: S, column: usize, centre: usize, reach: usize, refine: bool) -> Option<Peak> {
+    let usual = find_with(signal, column, centre, reach, Kernel::for_step(S::STEP));
+    improve(signal, column, centre, reach, refine, usual)
+}
+
+/// As [`find`] without refining, for places of which most show nothing: what rises by less than `least` over its lower
+/// background is given up at once, unless it is so strong that its middle may be hollow.
+pub fn find_above<S: Signal>(
+    signal: S,
+    column: usize,
+    centre: usize,
+    reach: usize,
+    least: f32,
+) -> Option<Peak> {
+    let usual = find_with(signal, column, centre, reach, Kernel::for_step(S::STEP));
+    let low = usual.is_none_or(|peak| peak.rise < least);
+    if low && signal.value(column, centre) < HOLLOW_STRENGTH {
+        return None;
+    }
+    improve(signal, column, centre, reach, false, usual)
+}
+
+fn improve<S: Signal>(
+    signal: S,
+    column: usize,
+    centre: usize,
+    reach: usize,
+    refine: bool,
+    usual: Option<Peak>,
+) -> Option<Peak> {
     let kernel = Kernel::for_step(S::STEP);
-    let usual = find_with(signal, column, centre, reach, kernel);
     let share = usual.map_or(0.0, |peak| peak.contrast / peak.rise);
     let fits = usual.is_some_and(|peak| peak.width <= kernel.widest() as f32);
     if fits && share >= EVEN_SHARE {
@@ -298,7 +343,11 @@ fn gather<S: Signal>(
         strongest = strongest.max(*sample);
     }
     if strongest >= HOLLOW_STRENGTH {
-        fill_hollows(samples, |position| signal.is_clipped(column, first + position));
+        // A hollow has rims; what lies beyond them needs no look.
+        let is_rim = |sample: &i16| *sample >= HOLLOW_STRENGTH / 2;
+        let from = samples.iter().position(is_rim).unwrap_or(0);
+        let to = samples.iter().rposition(is_rim).map_or(0, |last| last + 1);
+        fill_hollows(&mut samples[from..to], |position| signal.is_clipped(column, first + from + position));
     }
     (samples, first)
 }

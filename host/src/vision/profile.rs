@@ -1,6 +1,6 @@
 //! Height along the stripe, one value per millimetre of laser rays: for people, reports and recordings.
 
-use nearfield_shared::rig::Rig;
+use nearfield_shared::rig::Stripe;
 
 use super::extractor::Extractor;
 
@@ -19,18 +19,21 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// Room for a rig's stripe.
-    #[must_use]
-    pub fn new(rig: &Rig) -> Self {
-        let (start, end) = (rig.stripe().start.ceil(), rig.stripe().end.floor());
+    fn new(stripe: Stripe) -> Self {
+        let (start, end) = (stripe.start.ceil(), stripe.end.floor());
         let count = if end >= start { (end - start) as usize + 1 } else { 0 };
         Self { start: start as f32, heights: vec![f32::NAN; count], distances: vec![f32::INFINITY; count] }
     }
 
-    /// Takes the last frame of `extractor`: for each millimetre the nearest laser ray that was seen to end somewhere.
-    pub(super) fn fill(&mut self, extractor: &Extractor) {
-        self.heights.fill(f32::NAN);
-        self.distances.fill(f32::INFINITY);
+    /// Takes the last frame of `extractor`: for each millimetre of `stripe` the nearest laser ray that was seen to end
+    /// somewhere.
+    pub(super) fn of(extractor: &Extractor, stripe: Stripe) -> Self {
+        let mut profile = Self::new(stripe);
+        profile.fill(extractor);
+        profile
+    }
+
+    fn fill(&mut self, extractor: &Extractor) {
         let geometry = extractor.geometry();
         let watched = geometry.watched();
         let readings = extractor.readings().get(watched).unwrap_or(&[]);

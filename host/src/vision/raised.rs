@@ -170,7 +170,8 @@ impl RaisedFinder {
                 if !self.rays.is_dark(geometry.ray_place(map, grid.to_pixels(row as f32))) {
                     continue;
                 }
-                let Some(peak) = measure(signal, grid.first() + index, row, widest) else { continue };
+                let least = CANDIDATE_CONTRAST * floor.noise;
+                let Some(peak) = measure(signal, grid.first() + index, row, widest, least) else { continue };
                 let (peak_row, contrast) = (peak.row, peak.contrast);
                 let significance = contrast / floor.noise;
                 // Neighbouring segments can lead to the same crest.
@@ -273,9 +274,9 @@ impl Line {
     }
 }
 
-/// The ridge near a seed, if light of the laser can have made it.
-fn measure<S: Signal>(signal: S, column: usize, seed: usize, widest: f32) -> Option<Peak> {
-    let peak = peak::find(signal, column, seed, 1, false)?;
+/// The ridge near a seed, at least so high, if light of the laser can have made it.
+fn measure<S: Signal>(signal: S, column: usize, seed: usize, widest: f32, least: f32) -> Option<Peak> {
+    let peak = peak::find_above(signal, column, seed, 1, least)?;
     (is_light(signal, column, &peak, widest) && !is_fringe(signal, column, &peak)).then_some(peak)
 }
 
@@ -388,7 +389,7 @@ mod tests {
     }
 
     fn is_believed(bytes: &[u8]) -> bool {
-        measure(RedMinusGreen(Plane::new(bytes, 3, 3, 80).unwrap()), 0, 40, 14.0).is_some()
+        measure(RedMinusGreen(Plane::new(bytes, 3, 3, 80).unwrap()), 0, 40, 14.0, 4.0).is_some()
     }
 
     #[test]
