@@ -13,7 +13,7 @@
 //! | settings of pins, clocks, watchdogs, laser timer | once | whole, once a round; the laser's timer in every tick |
 //! | watchdogs, random numbers | once a power-up, once a start | |
 //!
-//! A round is about 1,400 ticks, 7 s; 10 s are allowed.
+//! A round is about 1,500 ticks, 7.5 s, of which 2.2 s are the program; 10 s are allowed.
 
 use crate::bare_metal::memory::{Words, region, stack, test_block};
 use crate::bare_metal::{program, registers, start_up};
