@@ -123,4 +123,10 @@ mod tests {
         assert_eq!(verdict(0, limit), DarkVerdict::Denied);
         assert_eq!(verdict(0, limit.next_up()), DarkVerdict::Waiting);
     }
+
+    #[test]
+    fn what_differs_has_other_words_for_the_memory_check() {
+        let all = [(0, false), (1, false), (DARK_PROOFS, false), (0, true), (1, true)];
+        crate::testing::all_differ(all.map(|(proofs, denied)| DarkTest { proofs, denied }.word()));
+    }
 }

@@ -318,4 +318,16 @@ mod tests {
             (7, AuditVerdict::Contradicted)
         ]));
     }
+
+    #[test]
+    fn what_differs_has_other_words_for_the_memory_check() {
+        let new = Auditor::new;
+        let mut all = vec![new(), Auditor { doubt: 1, ..new() }, Auditor { recent: 1, ..new() }];
+        for block in 0..LIGHT_BLOCKS {
+            let mut auditor = new();
+            auditor.blocks[block] = 1;
+            all.push(auditor);
+        }
+        crate::testing::all_differ(all.iter().map(|auditor| auditor.words().collect::<Vec<_>>()));
+    }
 }

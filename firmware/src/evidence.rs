@@ -273,4 +273,15 @@ mod tests {
         judge.reset();
         assert_eq!(judge, Judge::new());
     }
+
+    #[test]
+    fn what_differs_has_other_words_for_the_memory_check() {
+        let evidence =
+            |taken, disproven, complement| Evidence { taken: Micros::new(taken), disproven, complement };
+        let all = [evidence(1, 2, !2), evidence(2, 2, !2), evidence(1, 3, !2), evidence(1, 2, !3)];
+        crate::testing::all_differ(all.map(|evidence| evidence.words()));
+        let judges = (0..1_u32 << VOTE_FRAMES)
+            .map(|bits| Judge { no_drop: core::array::from_fn(|frame| bits >> frame & 1 == 1) });
+        crate::testing::all_differ(judges.map(|judge| judge.word()));
+    }
 }

@@ -316,4 +316,21 @@ mod tests {
             assert!((square_root(value) / value.sqrt() - 1.0).abs() < 1e-2, "{value}");
         }
     }
+
+    #[test]
+    fn what_differs_has_other_words_for_the_memory_check() {
+        let mut all = vec![Health::new()];
+        for segment in 0..SEGMENTS {
+            for change in [
+                |segment: &mut Segment| segment.offset = 1.0,
+                |segment: &mut Segment| segment.variance = 1.0,
+                |segment: &mut Segment| segment.values = 1,
+            ] {
+                let mut health = Health::new();
+                change(&mut health.segments[segment]);
+                all.push(health);
+            }
+        }
+        crate::testing::all_differ(all.iter().map(|health| health.words().collect::<Vec<_>>()));
+    }
 }

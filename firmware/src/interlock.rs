@@ -196,4 +196,18 @@ mod tests {
         button.step(Micros::from_millis(1000), true, true);
         assert!(!button.step(Micros::from_millis(500), false, true).reset);
     }
+
+    #[test]
+    fn what_differs_has_other_words_for_the_memory_check() {
+        let (early, late) = (Micros::new(5), Micros::new(6));
+        let all = [
+            Press::Released,
+            Press::Pressed { since: early },
+            Press::Pressed { since: late },
+            Press::Void { since: Some(early) },
+            Press::Void { since: Some(late) },
+            Press::Void { since: None },
+        ];
+        crate::testing::all_differ(all.map(|press| ResetButton { press }.words()));
+    }
 }

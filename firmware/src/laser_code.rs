@@ -234,4 +234,28 @@ mod tests {
         assert_eq!(known, 320, "every millisecond of the last 320");
         assert_eq!(laser.history().steady_over(Micros::ZERO, Micros::ZERO), None);
     }
+
+    #[test]
+    fn what_differs_has_other_words_for_the_memory_check() {
+        let new = || LaserCode::new(Secret::new([3; 16]));
+        let after = |drives: &[(u64, u8)]| {
+            let mut history = DriveHistory::new();
+            drives.iter().for_each(|(since, level)| history.note(at(*since), *level));
+            LaserCode { history, ..new() }
+        };
+        let all = [
+            new(),
+            LaserCode::new(Secret::NONE),
+            LaserCode { level: LASER_FULL, ..new() },
+            LaserCode { symbol: 1, ..new() },
+            LaserCode { run: 1, ..new() },
+            LaserCode { symbol_began: Some(at(0)), ..new() },
+            LaserCode { symbol_began: Some(at(1)), ..new() },
+            after(&[(1, LASER_FULL)]),
+            after(&[(2, LASER_FULL)]),
+            after(&[(1, LASER_DIMMED)]),
+            after(&[(1, LASER_FULL), (2, LASER_DIMMED)]),
+        ];
+        crate::testing::all_differ(all.map(|laser| laser.words().collect::<Vec<_>>()));
+    }
 }

@@ -570,4 +570,31 @@ mod tests {
         assert!(is_poll(&[0; 64]) && is_poll(&[]));
         assert!(!is_poll(&[0, 0, 1]));
     }
+
+    #[test]
+    fn what_differs_has_other_words_for_the_memory_check() {
+        let new = || Receiver::new(SOURCE, Some(CALIBRATION), COLUMNS);
+        let sent = |statuses: &[(u32, u64)]| {
+            let mut receiver = new();
+            statuses.iter().for_each(|(number, millis)| receiver.status_sent(*number, at(*millis)));
+            receiver
+        };
+        let all = [
+            new(),
+            Receiver { source: SourceId::new(8), ..new() },
+            Receiver { calibration: None, ..new() },
+            Receiver { columns: COLUMNS + 1, ..new() },
+            Receiver { sequence: Some(SequenceNumber::new(0)), ..new() },
+            Receiver { sequence: Some(SequenceNumber::new(1)), ..new() },
+            Receiver { streak: 1, ..new() },
+            Receiver { faults: StopCauses::NONE, ..new() },
+            Receiver { last_accepted: Some(START), ..new() },
+            Receiver { last_refused: Some(START), ..new() },
+            sent(&[(1, 0)]),
+            sent(&[(2, 0)]),
+            sent(&[(1, 1)]),
+            sent(&[(1, 0), (2, 1)]),
+        ];
+        crate::testing::all_differ(all.iter().map(|receiver| receiver.words().collect::<Vec<_>>()));
+    }
 }

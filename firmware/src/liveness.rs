@@ -350,4 +350,16 @@ mod tests {
         liveness.observe(at(160), taken(120), &lit(first), laser.history());
         assert_eq!((liveness.doubt(), liveness.is_live(at(160))), (0, false));
     }
+
+    #[test]
+    fn what_differs_has_other_words_for_the_memory_check() {
+        let new = Liveness::new;
+        let all = [
+            new(),
+            Liveness { doubt: 1, ..new() },
+            Liveness { last_proof: Some(at(0)), ..new() },
+            Liveness { last_proof: Some(at(1)), ..new() },
+        ];
+        crate::testing::all_differ(all.map(|liveness| liveness.words()));
+    }
 }

@@ -416,4 +416,33 @@ mod tests {
             .is_err()
         );
     }
+
+    #[test]
+    fn simulated_self_tests_say_to_the_controller_what_they_are() {
+        use crate::selftest::Verdict;
+        let now = Micros::from_millis(77);
+        let verdict = |self_test| {
+            SimulatedTick { self_test, ..SimulatedTick::default() }.inputs(now).self_test.verdict(now)
+        };
+        assert_eq!(verdict(SimulatedSelfTest::Passed), Verdict::Passed);
+        assert_eq!(verdict(SimulatedSelfTest::Pending), Verdict::Pending);
+        for kind in SelfTestKind::ALL {
+            assert_eq!(verdict(SimulatedSelfTest::Failed(kind)), Verdict::Failed(kind));
+        }
+        let pins = PinInputs { reset_pressed: true, ..PinInputs::default() };
+        assert_eq!(SimulatedTick { pins, ..SimulatedTick::default() }.inputs(now).pins, pins);
+    }
+
+    #[test]
+    fn an_answer_names_the_request_that_it_answers() {
+        let reply = Reply { outputs: Outputs::SAFE, fed: false, status: [0; STATUS_LENGTH] };
+        let requests = [Request::Start, Request::Tick(SimulatedTick::default()), Request::Exchange];
+        for asked in requests {
+            for awaited in requests {
+                let read = Reply::parse(&reply.to_bytes(asked), awaited);
+                assert_eq!(read.is_ok(), asked == awaited, "{asked:?} {awaited:?}");
+            }
+        }
+        assert_eq!(MalformedRecord.to_string(), "malformed lock-step record");
+    }
 }

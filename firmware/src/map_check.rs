@@ -135,4 +135,13 @@ mod tests {
         let mut check = MapCheck::of(&nothing);
         assert!((0..10).all(|_| check.step(&nothing)));
     }
+
+    #[test]
+    fn what_differs_has_other_words_for_the_memory_check() {
+        let empty = MapCheck::empty();
+        let broken = MapCheck { intact: false, ..empty };
+        crate::testing::all_differ(
+            [empty, broken, MapCheck::of(&geometry(&rig()))].map(|check| check.words()),
+        );
+    }
 }

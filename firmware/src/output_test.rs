@@ -295,4 +295,25 @@ mod tests {
             assert_eq!(test.clone().next_pulse(now, Channels::OPEN), due, "{change}");
         }
     }
+
+    #[test]
+    fn what_differs_has_other_words_for_the_memory_check() {
+        let new = OutputTest::new;
+        let pulse = |channel, a, b| Some(PulseReadback { channel, coils: Channels { a, b } });
+        let mut all = vec![
+            new(),
+            OutputTest { verdict: OutputVerdict::Good, ..new() },
+            OutputTest { verdict: OutputVerdict::Failed, ..new() },
+            OutputTest { turn: Channel::B, ..new() },
+            OutputTest { wrong_ticks: 1, ..new() },
+            OutputTest { last_pulse: Some(Micros::ZERO), ..new() },
+            OutputTest { last_pulse: Some(Micros::new(1)), ..new() },
+        ];
+        for channel in [Channel::A, Channel::B] {
+            for (a, b) in [(false, false), (false, true), (true, false), (true, true)] {
+                all.push(OutputTest { awaited: pulse(channel, a, b), ..new() });
+            }
+        }
+        crate::testing::all_differ(all.iter().map(OutputTest::words));
+    }
 }

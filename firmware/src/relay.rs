@@ -270,4 +270,27 @@ mod tests {
         assert!((CLOSED_WORD ^ OPEN_WORD).count_ones() >= 12, "open and closed are far apart");
         assert!((CLOSED_WORD ^ !OPEN_WORD).count_ones() >= 12, "and not each other's complement");
     }
+
+    #[test]
+    fn what_differs_has_other_words_for_the_memory_check() {
+        let closed = Relays { command: StoredCommand::CLOSED, ..Relays::new() };
+        let damaged = StoredCommand { word: OPEN_WORD, complement: !CLOSED_WORD };
+        crate::testing::all_differ(
+            [
+                Relays::new(),
+                closed,
+                Relays { command: damaged, ..Relays::new() },
+                Relays { differs_since: [Some(START), None], ..Relays::new() },
+                Relays { differs_since: [None, Some(START)], ..Relays::new() },
+                Relays { differs_since: [Some(START), Some(Micros::ZERO)], ..Relays::new() },
+            ]
+            .map(|relays| relays.words()),
+        );
+    }
+
+    #[test]
+    fn a_permission_is_shown_by_its_meaning() {
+        let shown = [Permission::GRANTED, Permission::DENIED, Permission(0)].map(|word| format!("{word:?}"));
+        assert_eq!(shown, ["Granted", "Denied", "Denied"]);
+    }
 }

@@ -233,3 +233,10 @@ impl Bench {
         assert_eq!(self.controller.outputs().relays, Channels::CLOSED, "not armed: {status:?}");
     }
 }
+
+/// Holds the words that the check of the controller's memory sees to their rule: what differs has other words.
+pub(crate) fn all_differ<W: Ord + core::fmt::Debug>(words: impl IntoIterator<Item = W>) {
+    let mut words: Vec<W> = words.into_iter().collect();
+    words.sort();
+    assert!(words.windows(2).all(|pair| pair[0] != pair[1]), "alike: {words:?}");
+}

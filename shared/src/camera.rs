@@ -256,4 +256,11 @@ pub(crate) mod tests {
             prop_assert!(away.dot(away) < 1e-9 * sight.dot(sight));
         }
     }
+
+    /// A lens model has no inverse far outside the picture: that is told, not guessed.
+    #[test]
+    fn what_no_ray_explains_has_no_direction() {
+        let wild = Intrinsics { distortion: [8.0, 0.0, 0.0, 0.0, 0.0], ..tilted_camera().intrinsics };
+        assert_eq!(wild.undistort(Pixel { u: 9_000.0, v: 9_000.0 }), None);
+    }
 }

@@ -44,6 +44,8 @@ pub mod causes;
 pub mod columns;
 pub mod condition;
 pub mod cutoff;
+#[cfg(test)]
+mod error_tests;
 pub mod height;
 pub mod laser;
 pub mod light;

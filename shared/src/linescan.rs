@@ -497,4 +497,24 @@ mod tests {
             prop_assert!(LineScan::parse(&bytes).is_err());
         }
     }
+
+    #[test]
+    fn a_column_beyond_the_last_is_missing() {
+        let bytes = example();
+        let scan = LineScan::parse(&bytes).unwrap();
+        assert_eq!(scan.column(0).row, SubpixelRow::from_raw(0x2122));
+        assert_eq!(scan.column_count(), 2);
+        assert_eq!(
+            (scan.column(2), scan.column(u16::MAX)),
+            (LineScanColumn::MISSING, LineScanColumn::MISSING)
+        );
+    }
+
+    #[test]
+    fn columns_that_cannot_be_counted_are_refused() {
+        let mut message = [0; LINE_SCAN_LENGTH];
+        let columns = vec![LineScanColumn::MISSING; 70_000];
+        let refused = encode(&mut message, &header(), &columns, &BrightnessProfile::DARK, &[]);
+        assert_eq!(refused, Err(LineScanError::Field));
+    }
 }

@@ -287,6 +287,49 @@ fn one_wild_column_does_not_set_the_height() {
 }
 
 #[test]
+fn of_two_objects_the_higher_is_told_wherever_it_stands() {
+    let rig = height_rig();
+    let mut monitor = monitor(&rig);
+    for (left, right) in [(30.0, 70.0), (70.0, 30.0)] {
+        let two = move |s: f32| match s {
+            s if (-200.0..-150.0).contains(&s) => left,
+            s if (100.0..150.0).contains(&s) => right,
+            _ => 0.0,
+        };
+        let readings = scan(&monitor, two);
+        let highest = show(&mut monitor, &readings, 3).heights.highest.unwrap();
+        assert!((highest.height.get() - 70.0).abs() < 0.2, "{left} {right}: {highest:?}");
+    }
+    for (left, right) in [(-8.0, -20.0), (-20.0, -8.0)] {
+        let two = move |s: f32| match s {
+            s if (-200.0..-150.0).contains(&s) => left,
+            s if (100.0..150.0).contains(&s) => right,
+            _ => 0.0,
+        };
+        let readings = scan(&monitor, two);
+        let lowest = show(&mut monitor, &readings, 3).heights.lowest.unwrap();
+        assert!((lowest.height.get() + 20.0).abs() < 0.2, "{left} {right}: {lowest:?}");
+    }
+}
+
+/// No ray comes down to a point at or above the laser itself.
+#[test]
+fn a_point_above_the_laser_has_no_place_on_the_floor() {
+    let monitor = monitor(&height_rig());
+    let geometry = monitor.geometry();
+    let map = geometry.map(geometry.watched().start).unwrap();
+    assert_eq!(geometry.laser_height(), Millimetres::new(200.0));
+    assert!(geometry.ray_place(map, map.row(199.0)).is_finite());
+    assert!(geometry.ray_place(map, map.row(201.0)).is_nan() && geometry.ray_place(map, f32::NAN).is_nan());
+}
+
+#[test]
+fn a_gap_has_the_same_ends_whichever_is_named_first() {
+    assert_eq!(crate::cutoff::Gap::between(3.0, -2.0), crate::cutoff::Gap::between(-2.0, 3.0));
+    assert_eq!(crate::cutoff::Gap::between(3.0, -2.0).length(), Millimetres::new(5.0));
+}
+
+#[test]
 fn a_drop_is_measured_below_the_floor() {
     let mut monitor = monitor(&height_rig());
     let readings = scan(&monitor, |s| if (s - 10.0).abs() < 15.0 { -12.0 } else { 0.0 });

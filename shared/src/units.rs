@@ -284,4 +284,11 @@ mod tests {
         assert_eq!(SequenceNumber::new(u32::MAX).next(), SequenceNumber::new(0));
         assert_eq!(SequenceNumber::new(1).steps_after(SequenceNumber::new(u32::MAX)), 2);
     }
+
+    #[test]
+    fn lengths_add_and_have_a_magnitude() {
+        let (one, two) = (Millimetres::new(1.5), Millimetres::new(-4.0));
+        assert_eq!((one.plus(two), one.minus(two)), (Millimetres::new(-2.5), Millimetres::new(5.5)));
+        assert_eq!((two.abs(), one.abs()), (Millimetres::new(4.0), one));
+    }
 }

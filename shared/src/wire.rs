@@ -184,4 +184,11 @@ mod tests {
             (None, Some(0x0201), None, Some(0))
         );
     }
+
+    #[test]
+    fn what_is_too_short_for_a_seal_has_none() {
+        assert_eq!(seal_of(&[1, 2, 3]), 0);
+        assert_eq!(seal_of(&[9, 1, 0, 0, 0]), 1);
+        seal(&mut [1, 2, 3]);
+    }
 }

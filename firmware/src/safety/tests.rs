@@ -345,3 +345,40 @@ fn a_sensor_that_has_moved_warns_and_then_stops() {
     assert_eq!(outputs.relays, Channels::OPEN);
     assert!(status.latched_causes.contains(StopCause::Misaligned));
 }
+
+#[test]
+fn an_empty_start_is_the_same_by_either_name() {
+    use core::fmt::Debug;
+    let same = |one: &dyn Debug, other: &dyn Debug| assert_eq!(format!("{one:?}"), format!("{other:?}"));
+    same(&DarkTest::default(), &DarkTest::new());
+    same(&Auditor::default(), &Auditor::new());
+    same(&Judge::default(), &Judge::new());
+    same(&FlowMonitor::default(), &FlowMonitor::new());
+    same(&Health::default(), &Health::new());
+    same(&ResetButton::default(), &ResetButton::new());
+    same(&Liveness::default(), &Liveness::new());
+    same(&OutputTest::default(), &OutputTest::new());
+    same(&Relays::default(), &Relays::new());
+}
+
+/// A rig that is sound by itself, but whose stripe runs along the picture's columns: no heights, so no operation.
+#[test]
+fn a_rig_without_column_maps_is_refused_and_stops() {
+    let mut bench = Bench::after(ResetCause::PowerOn);
+    let rig = crate::testing::rig();
+    let mut camera = *rig.camera();
+    // The camera is turned by a quarter about its line of sight.
+    let [right, down, forward] = camera.pose.rotation;
+    camera.pose.rotation = [down, right.scaled(-1.0), forward];
+    let old = camera.pose.translation;
+    camera.pose.translation = nearfield_shared::camera::Vector::new(old.y, -old.x, old.z);
+    let stripe = nearfield_shared::rig::Stripe { start: -100.0, end: 100.0, ..*rig.stripe() };
+    let turned = Rig::new(rig.image(), camera, *rig.laser(), stripe);
+    let stored_rig = turned.unwrap().to_bytes();
+    let start = StartInputs { reset_cause: ResetCause::PowerOn, stored_rig: &stored_rig, secret: [5; 16] };
+    let refused = bench.controller.start(&start);
+    assert!(matches!(refused, Err(ConfigurationError::Geometry(_))), "{refused:?}");
+    assert_eq!(bench.controller.calibration(), None);
+    bench.tick();
+    assert!(status(&bench).live_causes.contains(StopCause::Configuration));
+}
