@@ -206,6 +206,16 @@ impl Fault {
         matches!(self, Self::Hang | Self::LateTick)
     }
 
+    /// Does it keep this channel's contact from opening: 0 = A, 1 = B?
+    #[must_use]
+    pub const fn holds_closed(self, channel: usize) -> bool {
+        match self {
+            Self::WeldedA | Self::Driver(DriverFault::StuckOn(Channel::A)) => channel == 0,
+            Self::WeldedB | Self::Driver(DriverFault::StuckOn(Channel::B)) => channel == 1,
+            _ => false,
+        }
+    }
+
     /// A name for tables.
     #[must_use]
     pub fn name(self) -> String {

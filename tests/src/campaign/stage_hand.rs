@@ -188,6 +188,12 @@ impl<'a> Stagehand<'a> {
         self.command.closed.get()
     }
 
+    /// Are both main contacts closed: may the robot move?
+    #[must_use]
+    pub fn is_circuit_closed(&self) -> bool {
+        self.session.relay_closed()
+    }
+
     /// When the relays were commanded open since the last fault began.
     #[must_use]
     pub fn opened_at(&self) -> Option<Micros> {
@@ -321,12 +327,12 @@ impl<'a> Stagehand<'a> {
         let scenes = self.scenes;
         let scene = if self.is_on(Fault::Foot) || self.is_on(Fault::WeldedA) || self.is_on(Fault::WeldedB) {
             &scenes.foot
+        } else if self.is_on(Fault::InventedFloor) {
+            &scenes.object
         } else if self.is_on(Fault::Cable) {
             &scenes.cable
         } else if self.is_on(Fault::Drop) {
             &scenes.drop
-        } else if self.is_on(Fault::InventedFloor) {
-            &scenes.object
         } else if self.is_on(Fault::MovedMount) {
             &scenes.moved
         } else {
