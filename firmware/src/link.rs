@@ -4,7 +4,7 @@
 //! | error | measure | refusal |
 //! |---|---|---|
 //! | loss | time since the last accepted line-scan ([`LINK_TIMEOUT`]); sequence numbers | `Timeout`, `Sequence` |
-//! | corruption | CRC-32/MEF over the whole message | `Corruption` |
+//! | corruption | CRC-32 of Hamming distance 6 over the whole message | `Corruption` |
 //! | insertion | fixed length, magic, version, every field's range, the rig's column count | `Format` |
 //! | masquerade, addressing | source id | `Source` |
 //! | configuration mix-up | calibration id | `Calibration` |

@@ -16,7 +16,7 @@
 //! | 14 | length of the payload u16: 160 for "store rig", else 0 |
 //! | 16 | argument u32: a page's index, a calibration id, or 0 |
 //! | 20 | payload, 160 bytes; zeros beyond its length |
-//! | 180 | CRC-32/MEF of all before |
+//! | 180 | CRC-32 (see [`crate::wire`]) of all before |
 //!
 //! | kind | code | argument | payload | answer's data |
 //! |---|---|---|---|---|
@@ -51,7 +51,7 @@
 //! | 20 | revision u32: pages of one revision belong together |
 //! | 24 | length of the data u16, zero u16 |
 //! | 28 | data, 1024 bytes; zeros beyond its length |
-//! | 1052 | CRC-32/MEF of all before |
+//! | 1052 | CRC-32 (see [`crate::wire`]) of all before |
 //!
 //! The black box's page 0 holds the [`StopIndex`]; then come [`SUMMARY_PAGES`] pages of [`Summary`]s, oldest first, 16
 //! a page; then [`PAGES_PER_SCAN`] pages for every kept line-scan, oldest first.

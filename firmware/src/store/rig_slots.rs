@@ -7,8 +7,8 @@
 //! | 0 | magic `NFRS`, version u16 (1), zero u16 |
 //! | 8 | generation u32, calibration id u32 |
 //! | 16 | the rig's compact form, 160 bytes |
-//! | 176 | CRC-32/MEF of all before, and its complement |
-//! | 184 | the mark: magic `NFOK`, generation u32, calibration id u32, CRC-32/MEF of these; erased = not in force |
+//! | 176 | CRC-32 (see [`nearfield_shared::wire`]) of all before, and its complement |
+//! | 184 | the mark: magic `NFOK`, generation u32, calibration id u32, CRC-32 of these; erased = not in force |
 //!
 //! ```text
 //!           stage                          acknowledge

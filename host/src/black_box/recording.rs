@@ -13,7 +13,7 @@
 //! | 224 | summaries, 64 bytes each ([`Summary`]), oldest first |
 //! | ... | line-scans as the controller received them, oldest first |
 //! | ... | fault entries, 32 bytes each ([`FaultEntry`]), oldest first |
-//! | end | CRC-32/MEF of all before |
+//! | end | CRC-32 (see [`nearfield_shared::wire`]) of all before |
 
 use std::path::{Path, PathBuf};
 
