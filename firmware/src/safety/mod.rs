@@ -242,7 +242,9 @@ impl<M: BorrowMut<LineScanMonitor>> SafetyController<M> {
         let feedback = self.relays.check(now, pins.mirror);
         let outputs = self.output_test.check(self.relays.command(), pins.coils, pins.pulse);
         let armed = self.state.code() == StateCode::Interlocked;
-        let button = self.button.step(now, pins.reset_pressed, armed);
+        // While the service key is turned nobody starts the robot.
+        let pressed = pins.reset_pressed && !pins.service_key;
+        let button = self.button.step(now, pressed, armed);
         self.flow.pass(Checkpoint::Inputs);
         self.receiver.expire(now);
         self.link_warning = self.receiver.has_refused_lately(now);

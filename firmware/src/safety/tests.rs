@@ -382,3 +382,17 @@ fn a_rig_without_column_maps_is_refused_and_stops() {
     bench.tick();
     assert!(status(&bench).live_causes.contains(StopCause::Configuration));
 }
+
+#[test]
+fn while_the_service_key_is_turned_the_button_starts_nothing() {
+    let mut bench = Bench::after(ResetCause::PowerOn);
+    bench.exchange(None);
+    bench.pins.service_key = true;
+    for frame in 0..80 {
+        bench.pins.reset_pressed = frame % 20 >= 12;
+        bench.clean_frame();
+    }
+    assert_eq!(status(&bench).state, StateCode::Interlocked);
+    bench.pins.service_key = false;
+    bench.arm();
+}

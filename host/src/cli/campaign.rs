@@ -1,4 +1,4 @@
-//! `nearfield campaign`: thousands of made-up scenes, how often host and controller are wrong about them.
+//! `nearfield evaluate-twin`: thousands of made-up scenes, how often host and controller are wrong about them.
 
 use std::collections::HashSet;
 use std::fs::{File, OpenOptions};
@@ -21,9 +21,9 @@ use crate::campaign::tables::Summary;
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
-  nearfield campaign                                       scenes 0 to 1999
-  nearfield campaign --first 10000 --scenes 500 --json     other scenes; the summary as one JSON object
-  nearfield campaign --scenes 20000 --out outcomes.jsonl   can be stopped and started again")]
+  nearfield evaluate-twin                                       scenes 0 to 1999
+  nearfield evaluate-twin --first 10000 --scenes 500 --json     other scenes; the summary as one JSON object
+  nearfield evaluate-twin --scenes 20000 --out outcomes.jsonl   can be stopped and started again")]
 pub struct Campaign {
     /// How many scenes.
     #[arg(long, default_value_t = 2000)]

@@ -50,6 +50,7 @@ enum Command {
     Replay(replay::Replay),
     Rig(rig::RigArguments),
     EvaluateScenes(evaluate_scenes::EvaluateScenes),
+    #[command(name = "evaluate-twin")]
     Campaign(campaign::Campaign),
     Paper(paper::PaperArguments),
     Twin(twin::TwinArguments),

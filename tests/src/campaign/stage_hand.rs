@@ -350,7 +350,7 @@ impl<'a> Stagehand<'a> {
             255
         } else if self.is_on(Fault::NeighbourLaser) {
             // Symbols of the same length, by another robot's secret.
-            let symbol = Random::new(exposed.get() / 40_000 ^ 0xA5A5).bits();
+            let symbol = Random::new((exposed.get() / 40_000) ^ 0xA5A5).bits();
             if symbol.is_multiple_of(2) { 255 } else { 153 }
         } else {
             (255.0 * self.session.mean_laser_drive(exposed, facts.exposure)).round() as u8
