@@ -34,6 +34,7 @@ mod target {
     use cortex_m::peripheral::NVIC;
     use cortex_m_rt::{entry, exception};
     use embassy_executor::InterruptExecutor;
+    use nearfield_firmware::black_box::recorded::{RecordedController, RecorderMemory};
     use nearfield_firmware::safety::{LineScanMonitor, SafetyController};
     use nearfield_shared::units::SourceId;
     use static_cell::{ConstStaticCell, StaticCell};
@@ -42,10 +43,12 @@ mod target {
     const SOURCE: SourceId = SourceId::new(1);
 
     /// The controller as this binary holds it.
-    pub(crate) type Controller = SafetyController<&'static mut LineScanMonitor>;
+    pub(crate) type Controller =
+        RecordedController<&'static mut LineScanMonitor, &'static mut RecorderMemory>;
 
     /// All zeros at start, so that it takes no flash.
     static MONITOR: ConstStaticCell<LineScanMonitor> = ConstStaticCell::new(LineScanMonitor::new());
+    static RECORDER: StaticCell<RecorderMemory> = StaticCell::new();
     static CONTROLLER: StaticCell<Controller> = StaticCell::new();
 
     /// WFE does nothing on this machine, so that a thread-mode executor would spin: tasks run in an interrupt.
@@ -142,7 +145,9 @@ mod target {
     #[embassy_executor::task]
     async fn run_mode() {
         let reset_cause = board::reset_cause();
-        let controller = CONTROLLER.init(SafetyController::new(SOURCE, MONITOR.take()));
+        let recorder = RECORDER.init_with(|| RecorderMemory::new(SOURCE));
+        let controller = SafetyController::new(SOURCE, MONITOR.take());
+        let controller = CONTROLLER.init(RecordedController::new(controller, recorder));
         let mut command_line = [0; 96];
         match semihosting::last_word(&mut command_line) {
             "lockstep" => lockstep::run(controller, reset_cause),

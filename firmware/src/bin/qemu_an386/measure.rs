@@ -81,8 +81,18 @@ fn instructions(mut work: impl FnMut()) -> u32 {
 static MESSAGE: ConstStaticCell<[u8; LINE_SCAN_LENGTH]> = ConstStaticCell::new([0; LINE_SCAN_LENGTH]);
 static COLUMNS: ConstStaticCell<[LineScanColumn; LARGEST_COLUMN_COUNT]> =
     ConstStaticCell::new([LineScanColumn::MISSING; LARGEST_COLUMN_COUNT]);
-static MONITOR: ConstStaticCell<StripeMonitor<LARGEST_COLUMN_COUNT>> =
-    ConstStaticCell::new(StripeMonitor::new());
+/// The board's PSRAM, which nothing else uses in this mode: the controller's own RAM has no room for a second monitor.
+const SPARE_MEMORY: usize = 0x2100_4000;
+
+/// A monitor of this program's own, to make scenes with. Call once.
+fn own_monitor() -> &'static mut StripeMonitor<LARGEST_COLUMN_COUNT> {
+    let monitor = SPARE_MEMORY as *mut StripeMonitor<LARGEST_COLUMN_COUNT>;
+    // SAFETY: 16 MiB of PSRAM lie there, aligned, and nothing else uses them in this mode; all zeros are
+    // `StripeMonitor::new()`, as its documentation says.
+    unsafe { monitor.write_bytes(0, 1) };
+    // SAFETY: as above, and initialised; called once, so the reference is the only one.
+    unsafe { &mut *monitor }
+}
 
 /// A camera over a laser at the robot's edge, whose stripe fills the picture's width.
 fn rig() -> Result<Rig, RigError> {
@@ -135,7 +145,7 @@ pub(crate) fn run(controller: &mut Controller) {
     let Ok(rig) = rig() else { return print("the measurement's rig is refused\n") };
     let message = MESSAGE.take();
     let columns = COLUMNS.take();
-    let monitor = MONITOR.take();
+    let monitor = own_monitor();
     let before = Instant::now();
     let stored_rig = rig.to_bytes();
     let start = StartInputs { reset_cause: ResetCause::PowerOn, stored_rig: &stored_rig, secret: [7; 16] };

@@ -95,7 +95,7 @@ pub(crate) async fn run(controller: &mut Controller, reset_cause: ResetCause) {
     let mut secret = [0; SECRET_LENGTH];
     copy_in(SECRET, &mut secret);
     let _ = controller.start(&StartInputs { reset_cause, stored_rig: &rig, secret });
-    let mut self_tests = SelfTests::start(now(), &rig, controller.calibration());
+    let mut self_tests = SelfTests::start(now(), &rig, controller.controller().calibration());
     let mut outputs = Outputs::SAFE;
     start_serial();
     let mut watchdog = Watchdog::start();
@@ -112,7 +112,7 @@ pub(crate) async fn run(controller: &mut Controller, reset_cause: ResetCause) {
             Either::Second(()) => {
                 // Measured from now: ticks that were missed are not made up for.
                 next_tick = Instant::now() + Duration::from_micros(TICK_PERIOD.get());
-                let self_test = self_tests.step(now(), controller.calibration());
+                let self_test = self_tests.step(now(), controller.controller().calibration());
                 let tick = controller.tick(now(), TickInputs { pins: read_inputs(outputs), self_test });
                 outputs = tick.outputs;
                 board::drive_relays(outputs.relays);
