@@ -254,6 +254,7 @@ mod tests {
             }
             judged(&mut auditor, &floor, &windows, &asked(3));
             assert!(!auditor.is_believed(), "{what}");
+            assert_eq!(auditor.doubt(), AUDIT_DOUBT_LIMIT + AUDIT_CONTRADICTION, "{what}: and no further");
         }
         assert_eq!(frames_until_disbelief(|_| 195.0, |_| 200.0), 1, "shifted by five rows");
     }

@@ -150,6 +150,14 @@ mod tests {
         assert!(!second_tick_after(Micros::ZERO, -1));
     }
 
+    #[test]
+    fn the_last_beginning_is_kept_for_the_memory_check() {
+        let mut monitor = FlowMonitor::new();
+        assert_eq!(monitor.last_begin(), None);
+        monitor.begin(Micros::new(7));
+        assert_eq!(monitor.last_begin(), Some(Micros::new(7)));
+    }
+
     /// Of all sequences of up to six checkpoints exactly one yields a permit.
     #[test]
     fn only_the_complete_sequence_in_order_yields_a_permit() {

@@ -149,3 +149,51 @@ pub const UNIT_TOLERANCE: f64 = 1e-4;
 pub const INCIDENCE_TOLERANCE_MM: f64 = 1.0;
 /// Rig checks: largest magnitude of each distortion coefficient; a lens beyond it needs another model (fisheye).
 pub const DISTORTION_LIMIT: f64 = 2.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The other tests check every limit on both sides of wherever it is. This one holds the limits themselves: who
+    /// moves one must find its reason above, and the response times and the safety concept that follow from it.
+    #[test]
+    fn no_limit_moves_unnoticed() {
+        let lengths = [
+            (LONGEST_ALLOWED_GAP, 5.0),
+            (AVERAGING_WINDOW, 5.0),
+            (IMMEDIATE_GAP, 20.0),
+            (FLOOR_TOLERANCE, 1.8),
+            (LARGE_HEIGHT, 50.0),
+            (DEEPEST_ALLOWED_DROP, -5.0),
+            (LARGEST_FLOOR_OFFSET, 1.0),
+            (WARNING_FLOOR_OFFSET, 0.5),
+            (CONFIGURED_OBJECT_HEIGHT, 3.3),
+            (WARNING_OBJECT_HEIGHT, 2.8),
+        ];
+        for (limit, millimetres) in lengths {
+            assert_eq!(limit, Millimetres::new(millimetres));
+        }
+        let times = [
+            (LONGEST_CAPTURE_AGE, 60_000),
+            (LINK_TIMEOUT, 60_000),
+            (LONGEST_MESSAGE_AGE, 45_000),
+            (LINK_ERROR_INTERVAL, 60_000_000),
+            (LONGEST_TICK_PERIOD, 15_000),
+            (SHORTEST_TICK_PERIOD, 1_000),
+            (WATCHDOG_TIMEOUT, 100_000),
+            (FEEDBACK_DISCREPANCY, 50_000),
+            (SHORTEST_RESET_PRESS, 100_000),
+            (LONGEST_RESET_PRESS, 3_000_000),
+            (LASER_SYMBOL, 40_000),
+            (LIVENESS_TIMEOUT, 450_000),
+            (ARMING_TIMEOUT, 1_000_000),
+            (PULSE_PERIOD, 500_000),
+        ];
+        for (limit, micros) in times {
+            assert_eq!(limit, Micros::new(micros));
+        }
+        assert_eq!((VOTE_FRAMES, HEALTHY_STREAK, LARGEST_SEQUENCE_STEP), (3, 3, 2));
+        assert_eq!((LIVENESS_DOUBT_LIMIT, AUDIT_DOUBT_LIMIT, AUDIT_BLOCK_LIMIT, DARK_PROOFS), (4, 240, 3, 2));
+        assert_eq!(WEAKEST_SIGNAL, SignalQuality::new(24));
+    }
+}

@@ -453,6 +453,8 @@ mod tests {
         assert_eq!(field(with(|rig| rig.laser.offset += 1.5)), "laser.plane_offset_mm");
         assert_eq!(field(with(|rig| rig.laser.offset = nan)), "laser.plane_offset_mm");
         assert_eq!(field(with(|rig| rig.stripe.direction.x = 1.1)), "stripe.direction");
+        assert_eq!(field(with(|rig| rig.stripe.direction.x = nan)), "stripe.direction");
+        assert_eq!(field(with(|rig| rig.stripe.end = 10_001.0)), "stripe.end_mm", "10 m away");
         assert_eq!(field(with(|rig| rig.stripe.point.y = nan)), "stripe.point_mm");
         assert_eq!(field(with(|rig| rig.stripe.point.y += 5.0)), "stripe.start_mm", "out of the sheet");
         assert_eq!(field(with(|rig| rig.stripe.point.z += 1.1)), "stripe.start_mm", "off the floor");

@@ -393,3 +393,17 @@ fn every_error_of_the_store_has_words() {
     assert!(words[2].contains("0000abcd"));
     assert_eq!(std::collections::BTreeSet::from(words).len(), 4);
 }
+
+/// A range that is no range of pages holds no log: it says so instead of writing somewhere.
+#[test]
+fn a_store_that_does_not_begin_at_a_page_keeps_no_log() {
+    let mut store = Store::new(FlashModel::new(), START + 8);
+    let mut log = FaultLog::new();
+    log.started(ResetCause::PowerOn, StopCauses::NONE);
+    let entry = log.unsaved().unwrap();
+    assert_eq!(block_on(store.save_entry(&entry)), Err(StoreError::Flash));
+    let mut restored = FaultLog::new();
+    block_on(store.load_log(&mut restored));
+    assert_eq!(restored.entries().count(), 0);
+    assert_eq!(store.into_flash().bytes, FlashModel::new().bytes, "and nothing was touched");
+}

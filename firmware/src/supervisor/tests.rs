@@ -208,6 +208,24 @@ fn every_state_to_lockout_by_a_fault_and_no_way_out() {
     }
 }
 
+/// A lockout stops it anyway; that these stand as causes too is the second line of defence.
+#[test]
+fn whatever_locks_out_is_a_cause_to_stop_by_itself() {
+    let faults = [
+        (StopCause::CriticalData, Inputs { command_intact: false, ..good() }),
+        (StopCause::CriticalData, Inputs { data_intact: false, ..good() }),
+        (StopCause::Feedback, Inputs { feedback: Feedback::Failed, ..good() }),
+        (StopCause::OutputStage, Inputs { outputs: OutputVerdict::Failed, ..good() }),
+        (StopCause::SelfTest, Inputs { self_test: Verdict::Failed(SelfTestKind::Memory), ..good() }),
+    ];
+    for (cause, inputs) in faults {
+        assert_eq!(standing(NOW, true, &inputs), StopCauses::NONE.with(cause), "{inputs:?}");
+    }
+    assert_eq!(standing(NOW, true, &good()), StopCauses::NONE);
+    let decision = decide(&State::Running, false, StopCauses::NONE.with(StopCause::Drop));
+    assert!(!decision.permission.is_granted(), "Running alone permits nothing");
+}
+
 #[test]
 fn evidence_counts_until_the_link_times_out() {
     let taken = Micros::from_millis(500);
