@@ -2,6 +2,7 @@
 
 pub mod campaign;
 pub mod emulator;
+pub mod fuzz;
 pub mod oracle;
 pub mod pair;
 pub mod stage;

@@ -1,13 +1,20 @@
 //! The project's chores, quick to build. `cargo xtask help` tells what there is.
 
+mod audit;
 mod bench;
 mod board;
 mod board_host;
 mod budget;
+mod coverage;
 mod firmware;
+mod fuzz;
+mod miri;
+mod mutants;
 mod panic_free;
 mod run;
+mod seeded_faults;
 mod setup;
+mod tools;
 
 use anyhow::{Result, bail};
 use run::Step;
@@ -33,6 +40,16 @@ nearfield's chores. Each sets up what it needs by itself.
   cargo xtask bench      what a frame of 2304 x 1296 costs the host, against the sum of the bytes that it reads
   cargo xtask lint       format and lints only
   cargo xtask panic-free the proof by linking that the safety core cannot panic
+
+Tests of the tests, at length; their figures are in tests/RIGOR.md. Missing tools are installed from crates.io.
+  cargo xtask coverage   lines and regions of the safety core that its unit tests reach; fails on what is neither
+                         reached nor excused in tests/coverage.toml (--html for a report)
+  cargo xtask mutants    changes the safety core a line at a time; a test must notice each change
+                         (--group NAME, --file NAME, --resume, --jobs N)
+  cargo xtask seeded-faults  known faults put into the safety core; the tests must notice each (--only NAME)
+  cargo xtask fuzz       parsers and controller under libFuzzer on nightly (TARGET, --seconds N)
+  cargo xtask miri       the safety core's unit tests under miri on nightly
+  cargo xtask audit      licences, bans and sources of all dependencies (--advisories: also known vulnerabilities)
 ";
 
 fn main() -> ExitCode {
@@ -89,6 +106,12 @@ fn dispatch(verb: &str, rest: &[String]) -> Result<()> {
             setup::firmware_target()?;
             panic_free::prove()
         }
+        "coverage" => coverage::check(rest),
+        "mutants" => mutants::check(rest),
+        "seeded-faults" => seeded_faults::check(rest),
+        "fuzz" => fuzz::run(rest),
+        "miri" => miri::check(rest),
+        "audit" => audit::check(rest),
         "help" | "-h" | "--help" => {
             print!("{HELP}");
             Ok(())

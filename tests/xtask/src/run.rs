@@ -53,11 +53,22 @@ impl Step {
         self
     }
 
+    /// Without a variable of this process's environment.
+    pub fn without(mut self, name: &str) -> Self {
+        self.command.env_remove(name);
+        self
+    }
+
     /// Runs it, its output shown; an error if it does not succeed.
-    pub fn run(mut self) -> Result<()> {
+    pub fn run(self) -> Result<()> {
+        self.run_with_codes(&[0])
+    }
+
+    /// Runs it, its output shown; an error unless it ends with one of these exit codes.
+    pub fn run_with_codes(mut self, expected: &[i32]) -> Result<()> {
         eprintln!("\n== {}", self.words);
         let status = self.command.status().with_context(|| format!("cannot start `{}`", self.words))?;
-        if !status.success() {
+        if !status.code().is_some_and(|code| expected.contains(&code)) {
             bail!("`{}` failed ({status})", self.words);
         }
         Ok(())

@@ -1,0 +1,61 @@
+//! Coverage-guided fuzzing of every parser and of the controller's input sequence, on the nightly toolchain.
+//!
+//! The same functions are called by the stable test `fuzz_corpus` with the committed corpus and seeded changes of it.
+
+use crate::run::{self, Step};
+use crate::tools::{self, option};
+use anyhow::{Context as _, Result, bail};
+
+/// The targets in `tests/fuzz/fuzz_targets`, named as the functions in `tests/src/fuzz`.
+const TARGETS: [&str; 7] = [
+    "line_scan",
+    "status",
+    "compact_rig",
+    "service_request",
+    "service_page",
+    "lockstep_records",
+    "controller",
+];
+
+/// Fuzzes one target, or all of them in turn.
+pub fn run(rest: &[String]) -> Result<()> {
+    let seconds: u32 = option(rest, "--seconds")?.unwrap_or("60").parse().context("--seconds")?;
+    let wanted = rest.first().filter(|first| !first.starts_with("--"));
+    let targets: Vec<_> =
+        TARGETS.into_iter().filter(|target| wanted.is_none_or(|wanted| wanted == target)).collect();
+    if targets.is_empty() {
+        bail!("no such target; there are {}", TARGETS.join(", "));
+    }
+    tools::nightly(None)?;
+    tools::FUZZ.ensure()?;
+    let limit = format!("-max_total_time={seconds}");
+    for target in targets {
+        // What libFuzzer finds goes to the first folder; the committed corpus is only read.
+        let found = run::target_directory().join("fuzz-corpus").join(target);
+        std::fs::create_dir_all(&found).with_context(|| found.display().to_string())?;
+        let (found, committed) = (found.display().to_string(), format!("tests/corpus/{target}"));
+        let arguments = ["run", "nightly", "cargo", "fuzz", "run", "--fuzz-dir", "tests/fuzz", target];
+        let corpora = [&found, &committed, "--", &limit, "-max_len=8192", "-print_final_stats=1"];
+        Step::program("rustup", &[&arguments[..], &corpora].concat())
+            .without("RUSTUP_TOOLCHAIN")
+            .without("CARGO")
+            .run()?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_target_has_its_program_and_its_corpus() {
+        for target in TARGETS {
+            let program = run::root().join("tests/fuzz/fuzz_targets").join(target).with_extension("rs");
+            assert!(program.is_file(), "{}", program.display());
+            let corpus = run::root().join("tests/corpus").join(target);
+            let inputs = std::fs::read_dir(&corpus).map(Iterator::count).unwrap_or(0);
+            assert!(inputs > 0, "no input in {}", corpus.display());
+        }
+    }
+}

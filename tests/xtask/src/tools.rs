@@ -1,0 +1,60 @@
+//! The tools of the tests of the tests: cargo subcommands that are installed from crates.io where they are missing.
+
+use crate::run::Step;
+use anyhow::{Context as _, Result, bail};
+
+/// A cargo subcommand and the version that the figures in `tests/RIGOR.md` were made with.
+pub struct Tool {
+    /// As in `cargo <verb>`.
+    pub verb: &'static str,
+    /// The crate that brings it.
+    pub package: &'static str,
+    /// The version to install where there is none; another one that is there already is used.
+    pub version: &'static str,
+}
+
+/// Line and region coverage.
+pub const COVERAGE: Tool = Tool { verb: "llvm-cov", package: "cargo-llvm-cov", version: "0.9.1" };
+/// Mutation tests.
+pub const MUTANTS: Tool = Tool { verb: "mutants", package: "cargo-mutants", version: "27.1.0" };
+/// Coverage-guided fuzzing.
+pub const FUZZ: Tool = Tool { verb: "fuzz", package: "cargo-fuzz", version: "0.13.2" };
+/// Licences, sources and duplicates of the dependencies.
+pub const AUDIT: Tool = Tool { verb: "deny", package: "cargo-deny", version: "0.19.0" };
+
+impl Tool {
+    /// Installs it if it is missing.
+    pub fn ensure(&self) -> Result<()> {
+        let present = Step::cargo(&[self.verb, "--version"]).capture().is_ok_and(|(success, _)| success);
+        if present {
+            return Ok(());
+        }
+        Step::cargo(&["install", self.package, "--version", self.version, "--locked"]).run().with_context(
+            || format!("cargo {} is missing; install it by hand: cargo install {}", self.verb, self.package),
+        )
+    }
+}
+
+/// The nightly toolchain with this component, for fuzzers and miri; the product itself is built with the pinned one.
+pub fn nightly(component: Option<&str>) -> Result<()> {
+    let (found, _) = Step::program("rustup", &["run", "nightly", "rustc", "--version"])
+        .capture()
+        .context("rustup is needed; see https://rustup.rs")?;
+    if !found {
+        let install = ["toolchain", "install", "nightly", "--profile", "minimal", "--no-self-update"];
+        Step::program("rustup", &install).run()?;
+    }
+    if let Some(component) = component {
+        Step::program("rustup", &["component", "add", "--toolchain", "nightly", component]).run()?;
+    }
+    Ok(())
+}
+
+/// The value that follows `name` among the arguments of a chore.
+pub fn option<'a>(rest: &'a [String], name: &str) -> Result<Option<&'a str>> {
+    let Some(place) = rest.iter().position(|argument| argument == name) else { return Ok(None) };
+    match rest.get(place + 1) {
+        Some(value) if !value.starts_with("--") => Ok(Some(value)),
+        _ => bail!("{name} needs a value"),
+    }
+}
