@@ -257,6 +257,7 @@ mod tests {
             (reader.u32(), reader.u16(), reader.u16(), reader.u8()),
             (None, Some(0x0201), None, Some(0))
         );
+        assert_eq!((Reader::new(&bytes).slice(4), Reader::new(&bytes).slice(3)), (None, Some(&bytes[..])));
     }
 
     #[test]
