@@ -212,7 +212,7 @@ mod tests {
     fn the_red_difference_is_bt_601s() {
         assert_eq!(red_difference([90, 90, 90]), 128);
         assert_eq!(red_difference([255, 0, 0]), 255);
-        assert_eq!(red_difference([0, 255, 255]), 0);
+        assert_eq!(red_difference([0, 255, 255]), 1, "128 - 127.5, rounded up");
         assert_eq!(red_difference([200, 100, 50]), (128.0 + 100.0 - 41.87 - 4.07_f64).round() as u8);
     }
 
