@@ -7,15 +7,25 @@
 //! | module | what it decides |
 //! |---|---|
 //! | [`link`] | is this message from the host new, whole, ours and young enough to be believed? |
-//! | [`evidence`] | what does an accepted line-scan prove about the stripe? |
+//! | [`laser_code`], [`secret`] | how bright is the laser now, so that nobody can foresee it? |
+//! | [`liveness`] | do the pictures show the laser's own code: are they live? |
+//! | [`audit`] | do raw pixels of unforeseeable columns bear the host's report out? |
+//! | [`health`] | does the floor lie where it should, are small objects still seen? |
+//! | [`evidence`] | what does an accepted line-scan, with all these judges, prove about the stripe? |
+//! | [`arming`] | was the dark seen as dark before the relays close? |
 //! | [`interlock`] | was the reset button pressed and released as a person does? |
 //! | [`relay`] | do the contacts follow their commands, and is the command itself intact? |
+//! | [`output_test`] | do the relay drivers follow their commands and test pulses, each by itself? |
+//! | [`selftest`] | are memory, program, processor, stack, clocks, supply and watchdogs sound? |
+//! | [`integrity`], [`map_check`] | is the memory that the decision rests on what the program left there? |
 //! | [`flow`] | did the safety task run whole, in order and on time? Only then may a watchdog be fed |
 //! | [`supervisor`] | may the relays be closed? |
 //! | [`safety`] | the controller that ties these together, one tick and one exchange at a time |
+//! | [`black_box`], [`fault_log`] | what happened around a stop, for people; no way to the relays |
+//! | [`service`], [`store`] | what may a technician change, and when; the stored rig, old or new, never a mixture |
 //! | [`lockstep`] | the controller over a byte stream on the host's time, for the emulator |
 //!
-//! Permission to run needs every one of them; a stop needs one.
+//! Permission to run needs every one of them; a stop needs one. The safety concept, fault by fault: `SAFETY.md`.
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 #![deny(missing_docs, unused_must_use)]

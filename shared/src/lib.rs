@@ -11,8 +11,9 @@
 //! | [`camera`], [`laser`] | where does a pixel look, where is the sheet of laser light (exact, f64) |
 //! | [`rig`] | the whole calibrated rig, its checks and its compact stored form |
 //! | [`columns`] | one projective map per image column: row to height and place (f32, one division) |
-//! | [`wire`], [`linescan`], [`status`] | the two wire formats, host to MCU and back |
-//! | [`causes`] | every reason to stop, by name |
+//! | [`wire`], [`linescan`], [`status`], [`service`] | the wire formats: line-scan, status, service requests and pages |
+//! | [`light`], [`audit`] | how bright is the stripe, and do raw pixels bear a reported row out |
+//! | [`causes`], [`condition`] | every reason to stop, every state, fault and warning, by name |
 //! | [`cutoff`] | tier 1: where is the stripe cut, how long is the longest gap |
 //! | [`height`] | tier 2: how high is what lifts the stripe, and is there a drop |
 //! | [`monitor`] | both tiers together over one rig, with their votes |
