@@ -307,7 +307,7 @@ impl Bench {
         };
         let shift = if host == Host::ShiftsRows { 9.0 } else { 0.0 };
         let columns: Vec<_> = (0..COLUMNS)
-            .map(|column| row(column).and_then(|row| SubpixelRow::from_pixels(row)))
+            .map(|column| row(column).and_then(SubpixelRow::from_pixels))
             .map(|row| row.map(|row| LineScanColumn { row, quality: SignalQuality::BEST }))
             .map(|column| column.unwrap_or(LineScanColumn::MISSING))
             .collect();
@@ -401,7 +401,7 @@ impl Bench {
                 Some((at, true)) if self.now.since(at) <= LINK_TIMEOUT => {}
                 found => why(&format!("without fresh proof of a free floor: {found:?}")),
             }
-            if !(grounds.released && grounds.dark) && !grounds.was_closed {
+            if !(grounds.was_closed || grounds.released && grounds.dark) {
                 why("without a press of the button and a dark test");
             }
             if late {
