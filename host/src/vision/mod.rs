@@ -2,10 +2,9 @@
 //!
 //! [`signal`] (how red is a pixel) -> [`floor`] (is the stripe lit on the floor, where exactly) -> [`raised`] (where
 //! did it go if not) -> [`extractor`] (one reading per image column) -> [`analysis`] (tiers 1 and 2 over the whole
-//! picture). [`grid`] knows where to look, [`peak`] how to measure. [`audit`] gives raw pixels to who wants to check.
+//! picture). [`grid`] knows where to look, [`peak`] how to measure.
 
 pub mod analysis;
-pub mod audit;
 pub mod extractor;
 pub mod floor;
 pub mod grid;
