@@ -5,7 +5,7 @@
 //!
 //! | offset | field |
 //! |---|---|
-//! | 0 | kind u8: 1 start, 2 tick, 3 exchange, 4 hang |
+//! | 0 | kind u8: 1 start, 2 tick, 3 exchange, 4 hang, 5 page |
 //! | 1 | pins u8: bits 0, 1 mirror contacts A, B, bit 2 reset button, bit 3 service key, bits 4, 5 coils A, B read back |
 //! | 2 | length of the payload u16 |
 //! | 4 | pulse u8: bit 0 there was one, bit 1 it was channel B's, bits 2, 3 coils A, B during it |
@@ -14,7 +14,8 @@
 //! | 8 | the host's time, microseconds u64 |
 //! | 16 | payload: the secret (16 bytes) and the stored rig (start), or a line-scan (exchange; empty = none) |
 //!
-//! Every request but `hang` has one reply of [`REPLY_LENGTH`] bytes:
+//! `page` is answered by the service page that the next transaction would carry (zeros = none), nothing else. Every
+//! other request but `hang` has one reply of [`REPLY_LENGTH`] bytes:
 //!
 //! | offset | field |
 //! |---|---|
@@ -110,6 +111,8 @@ pub enum Request {
     Exchange,
     /// Loop for ever.
     Hang,
+    /// The service page, [`nearfield_shared::service::PAGE_LENGTH`] bytes; not a [`Reply`].
+    Page,
 }
 
 /// A request without its payload.
@@ -146,6 +149,7 @@ impl RequestHeader {
             }
             Request::Exchange => (3, 0, 0, 0),
             Request::Hang => (4, 0, 0, 0),
+            Request::Page => (5, 0, 0, 0),
         };
         let [low, high] = self.payload_length.to_le_bytes();
         let [t0, t1, t2, t3, t4, t5, t6, t7] = self.now.get().to_le_bytes();
@@ -168,6 +172,7 @@ impl RequestHeader {
             }
             (3, [0, 0, 0], _) => Request::Exchange,
             (4, [0, 0, 0], 0) => Request::Hang,
+            (5, [0, 0, 0], 0) => Request::Page,
             _ => return Err(MalformedRecord),
         };
         if usize::from(payload_length) > LARGEST_TRANSFER || [z0, z1] != [0; 2] {
@@ -235,6 +240,7 @@ impl Reply {
             Request::Tick(_) => 2,
             Request::Exchange => 3,
             Request::Hang => 4,
+            Request::Page => 5,
         };
         let pulse = match self.outputs.pulse {
             None => 0,
@@ -321,6 +327,7 @@ mod tests {
             RequestHeader { request: Request::Exchange, now, payload_length: 4096 },
             RequestHeader { request: Request::Exchange, now, payload_length: 0 },
             RequestHeader { request: Request::Hang, now, payload_length: 0 },
+            RequestHeader { request: Request::Page, now, payload_length: 0 },
         ];
         let self_tests = [SimulatedSelfTest::Passed, SimulatedSelfTest::Pending];
         let failed = SelfTestKind::ALL.map(SimulatedSelfTest::Failed);
@@ -368,10 +375,10 @@ mod tests {
             RequestHeader::parse(&bytes)
         };
         assert!(with(2, 1).is_ok());
-        for (offset, value) in [(0, 0), (0, 5), (1, 1), (3, 17), (4, 1), (5, 1), (6, 1), (7, 1)] {
+        for (offset, value) in [(0, 0), (0, 6), (1, 1), (3, 17), (4, 1), (5, 1), (6, 1), (7, 1)] {
             assert_eq!(with(offset, value), Err(MalformedRecord), "{offset} = {value}");
         }
-        let tick = headers()[4].to_bytes();
+        let tick = headers()[5].to_bytes();
         let with = |offset: usize, value: u8| {
             let mut bytes = tick;
             bytes[offset] = value;
@@ -407,14 +414,10 @@ mod tests {
             bytes[offset] = value;
             assert_eq!(Reply::parse(&bytes, request), Err(MalformedRecord), "{offset} = {value}");
         }
-        assert!(
-            Reply::parse(
-                &Reply { outputs: Outputs::SAFE, fed: false, status: [0; STATUS_LENGTH] }
-                    .to_bytes(Request::Hang),
-                Request::Hang
-            )
-            .is_err()
-        );
+        let safe = Reply { outputs: Outputs::SAFE, fed: false, status: [0; STATUS_LENGTH] };
+        for unanswered in [Request::Hang, Request::Page] {
+            assert_eq!(Reply::parse(&safe.to_bytes(unanswered), unanswered), Err(MalformedRecord));
+        }
     }
 
     #[test]

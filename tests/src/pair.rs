@@ -4,6 +4,7 @@
 use nearfield_host::link::{
     Emulated, InProcess, LinkError, McuKind, McuLink, Reply, SECRET_LENGTH, SimulatedTick,
 };
+use nearfield_shared::service::PageBytes;
 use nearfield_shared::status::Status;
 use nearfield_shared::units::Micros;
 
@@ -106,6 +107,10 @@ impl McuLink for SharedPair {
         self.0.borrow_mut().exchange(now, line_scan)
     }
 
+    fn service_page(&mut self, now: Micros) -> Result<PageBytes, LinkError> {
+        self.0.borrow_mut().service_page(now)
+    }
+
     fn hang(&mut self, now: Micros) -> Result<(), LinkError> {
         self.0.borrow_mut().hang(now)
     }
@@ -131,6 +136,12 @@ impl McuLink for Pair {
 
     fn exchange(&mut self, now: Micros, line_scan: Option<&[u8]>) -> Result<Reply, LinkError> {
         self.both(|link| link.exchange(now, line_scan))
+    }
+
+    fn service_page(&mut self, now: Micros) -> Result<PageBytes, LinkError> {
+        let one = self.in_process.service_page(now)?;
+        assert_eq!(one, self.emulated.service_page(now)?, "the service page");
+        Ok(one)
     }
 
     fn hang(&mut self, now: Micros) -> Result<(), LinkError> {

@@ -11,7 +11,6 @@ use nearfield_shared::service::{FaultEntry, FaultEvent};
 
 fn log_after(flash: &SimulatedFlash, hang: bool) -> Vec<FaultEntry> {
     let controller = InProcess::with_flash(flash.clone());
-    let page = controller.page_watch();
     let mut session = McuSession::start(Box::new(controller), &CENTRE.rig().unwrap()).unwrap();
     if hang {
         session.hang().unwrap();
@@ -19,7 +18,7 @@ fn log_after(flash: &SimulatedFlash, hang: bool) -> Vec<FaultEntry> {
             session.run_frame(None).unwrap();
         }
     }
-    let mut link = SessionLink::new(&mut session, page);
+    let mut link = SessionLink::new(&mut session);
     ServiceClient::new(&mut link, InProcess::SOURCE, 1).read_fault_log().unwrap()
 }
 

@@ -6,6 +6,7 @@ use nearfield_host::demo::view::Nobody;
 use nearfield_host::demo::{Engine, Outcome, report};
 use nearfield_host::link::{InProcess, LinkError, McuKind, McuLink, Reply, SECRET_LENGTH, SimulatedTick};
 use nearfield_host::twin::gallery::CENTRE;
+use nearfield_shared::service::PageBytes;
 use nearfield_shared::status::Channels;
 use nearfield_shared::units::Micros;
 
@@ -80,6 +81,10 @@ impl McuLink for WeldedShut {
     fn exchange(&mut self, now: Micros, line_scan: Option<&[u8]>) -> Result<Reply, LinkError> {
         let reply = self.inner.exchange(now, line_scan);
         self.weld(reply)
+    }
+
+    fn service_page(&mut self, now: Micros) -> Result<PageBytes, LinkError> {
+        self.inner.service_page(now)
     }
 
     fn hang(&mut self, now: Micros) -> Result<(), LinkError> {

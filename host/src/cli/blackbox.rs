@@ -14,7 +14,7 @@ use nearfield_shared::service::{FaultEntry, Summary};
 use nearfield_shared::units::{Micros, Millimetres};
 use serde::Serialize;
 
-use super::mcu::{arm, cause_names, clean_floor};
+use super::mcu::{McuChoice, arm, cause_names, clean_floor};
 use super::twin::{load_rig, load_scene};
 use crate::black_box::simulated::SessionLink;
 use crate::black_box::{Recording, Replay, ServiceClient, plot};
@@ -53,8 +53,8 @@ enum Command {
 
 /// Fetch the kept stop of a controller over the link into a file.
 ///
-/// This version reaches the controller in this process: it is armed over a clean floor, a scene of the twin stops it,
-/// and its black box is read through the same requests as on the robot.
+/// This version reaches simulated controllers: one is armed over a clean floor, a scene of the twin stops it, and its
+/// black box is read through the same requests as on the robot.
 #[derive(Debug, Args)]
 struct Fetch {
     /// What stops the controller: a scene file, a ready-made scene (`nearfield twin scenes`), or random:SEED.
@@ -63,6 +63,9 @@ struct Fetch {
     /// Rig file, or a built-in rig: centre, side, wide.
     #[arg(long, default_value = "centre", value_name = "RIG")]
     rig: String,
+    /// Which simulated controller.
+    #[arg(long, value_enum, default_value_t)]
+    mcu: McuChoice,
     /// Chooses the floor's pattern, the speckle and the noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -129,12 +132,10 @@ const FRAMES_AFTER: u64 = 20;
 impl Fetch {
     fn run(&self) -> anyhow::Result<u8> {
         let rig = load_rig(&self.rig)?;
-        let controller = InProcess::new();
-        let page = controller.page_watch();
-        let mut session = McuSession::start(Box::new(controller), &rig)?;
+        let mut session = self.mcu.start(&rig)?;
         self.stop(&rig, &mut session)?;
         let bar = progress_bar();
-        let mut link = SessionLink::new(&mut session, page);
+        let mut link = SessionLink::new(&mut session);
         let mut client = ServiceClient::new(&mut link, InProcess::SOURCE, first_number());
         let recording = client.fetch(|page, pages| {
             bar.set_length(u64::from(pages));

@@ -12,7 +12,7 @@ use nearfield_shared::units::CalibrationId;
 use super::blackbox::first_number;
 use crate::black_box::ServiceClient;
 use crate::black_box::replay::calibration_of;
-use crate::black_box::simulated::{PageWatch, SessionLink};
+use crate::black_box::simulated::SessionLink;
 use crate::black_box::simulated_flash::SimulatedFlash;
 use crate::link::{InProcess, McuSession};
 use crate::rig_file;
@@ -88,16 +88,16 @@ impl ServiceArguments {
 
     fn store(&self, rig: &Rig, service_key: bool) -> anyhow::Result<CalibrationId> {
         let flash = self.load_flash()?;
-        let (mut session, page) = power_up(&flash)?;
+        let mut session = power_up(&flash)?;
         session.service_key = service_key;
         // The key's pin and the contacts are read at ticks.
         session.run_frame(None)?;
         let calibration = {
-            let mut link = SessionLink::new(&mut session, page);
+            let mut link = SessionLink::new(&mut session);
             ServiceClient::new(&mut link, InProcess::SOURCE, first_number()).store_rig(&rig.to_bytes())?
         };
         drop(session);
-        let (restarted, _) = power_up(&flash)?;
+        let restarted = power_up(&flash)?;
         if restarted.status().calibration != Some(calibration) {
             bail!("the controller does not use the new rig after its restart; its flash is left as it was");
         }
@@ -107,8 +107,8 @@ impl ServiceArguments {
     }
 
     fn read(&self) -> anyhow::Result<Rig> {
-        let (mut session, page) = power_up(&self.load_flash()?)?;
-        let mut link = SessionLink::new(&mut session, page);
+        let mut session = power_up(&self.load_flash()?)?;
+        let mut link = SessionLink::new(&mut session);
         let stored = ServiceClient::new(&mut link, InProcess::SOURCE, first_number())
             .read_rig()?
             .with_context(|| format!("{}: no rig is stored in this flash", self.flash.display()))?;
@@ -132,11 +132,9 @@ impl ServiceArguments {
 }
 
 /// A controller with this flash, out of a power-on reset.
-fn power_up(flash: &SimulatedFlash) -> anyhow::Result<(McuSession, PageWatch)> {
+fn power_up(flash: &SimulatedFlash) -> anyhow::Result<McuSession> {
     let stored = block_on(Store::new(flash.clone(), 0).active_rig());
     let stored: &[u8] = stored.as_ref().map_or(&[], <[u8; COMPACT_LENGTH]>::as_slice);
     let controller = InProcess::with_flash(flash.clone());
-    let page = controller.page_watch();
-    let session = McuSession::start_with_stored(Box::new(controller), stored, calibration_of(stored))?;
-    Ok((session, page))
+    Ok(McuSession::start_with_stored(Box::new(controller), stored, calibration_of(stored))?)
 }

@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
+use nearfield_shared::service::PageBytes;
 use nearfield_shared::status::Channels;
 use nearfield_shared::units::Micros;
 
@@ -99,6 +100,10 @@ impl McuLink for WatchedLink {
     fn exchange(&mut self, now: Micros, line_scan: Option<&[u8]>) -> Result<Reply, LinkError> {
         let reply = self.inner.exchange(now, line_scan);
         self.note(now, reply)
+    }
+
+    fn service_page(&mut self, now: Micros) -> Result<PageBytes, LinkError> {
+        self.inner.service_page(now)
     }
 
     fn hang(&mut self, now: Micros) -> Result<(), LinkError> {

@@ -9,6 +9,7 @@ use super::{LinkError, McuKind, McuLink, Outputs, Reply, SECRET_LENGTH, Simulate
 use crate::link::emulator::{Emulator, Relays};
 use nearfield_firmware::lockstep::{REPLY_LENGTH, Request, RequestHeader};
 use nearfield_shared::limits::LARGEST_TRANSFER;
+use nearfield_shared::service::{NO_PAGE, PageBytes};
 use nearfield_shared::status::{Channels, STATUS_LENGTH};
 use nearfield_shared::units::Micros;
 
@@ -122,6 +123,17 @@ impl McuLink for Emulated {
         let reply = self.ask(Request::Exchange, now, line_scan.unwrap_or(&[]))?;
         self.watchdog.ticked(now, &reply);
         Ok(reply)
+    }
+
+    fn service_page(&mut self, now: Micros) -> Result<PageBytes, LinkError> {
+        if self.watchdog.hung {
+            return Ok(NO_PAGE);
+        }
+        let header = RequestHeader { request: Request::Page, now, payload_length: 0 };
+        self.emulator.send(&header.to_bytes())?;
+        let mut page = NO_PAGE;
+        self.emulator.receive(&mut page, "a request for the service page")?;
+        Ok(page)
     }
 
     /// The emulated watchdog bites in emulated time, at once in the host's: by the return of this call the chip has

@@ -1,7 +1,6 @@
 //! The firmware library in this process, with a model of the chip's watchdog around it.
 
 use super::{LinkError, McuKind, McuLink, Outputs, Reply, SECRET_LENGTH, SimulatedTick, Watchdog};
-use crate::black_box::simulated::PageWatch;
 use crate::black_box::simulated_flash::SimulatedFlash;
 use embassy_futures::block_on;
 use nearfield_firmware::black_box::recorded::{RecordedController, RecorderMemory};
@@ -9,6 +8,7 @@ use nearfield_firmware::safety::{LineScanMonitor, SafetyController, StartInputs}
 use nearfield_firmware::store::Store;
 use nearfield_shared::limits::LARGEST_TRANSFER;
 use nearfield_shared::rig::Rig;
+use nearfield_shared::service::{NO_PAGE, PageBytes};
 use nearfield_shared::status::{ResetCause, STATUS_LENGTH};
 use nearfield_shared::units::{Micros, SourceId};
 
@@ -26,7 +26,6 @@ pub struct InProcess {
     no_rig: Vec<u8>,
     flash: SimulatedFlash,
     store: Store<SimulatedFlash>,
-    page: PageWatch,
     watchdog: Watchdog,
 }
 
@@ -50,15 +49,8 @@ impl InProcess {
             no_rig: Vec::new(),
             store: Store::new(flash.clone(), 0),
             flash,
-            page: PageWatch::new(),
             watchdog: Watchdog::new(),
         }
-    }
-
-    /// Shows the service page that the controller's next transaction carries, call by call.
-    #[must_use]
-    pub fn page_watch(&self) -> PageWatch {
-        self.page.clone()
     }
 
     /// A reset clears all memory.
@@ -98,7 +90,6 @@ impl InProcess {
             }
             self.controller.fault_saved(&entry);
         }
-        self.page.show(self.controller.page());
     }
 
     /// The flash holds this rig at power-up, or something that is none.
@@ -168,6 +159,10 @@ impl McuLink for InProcess {
         let reply = Reply { outputs, fed: false, status };
         self.watchdog.ticked(now, &reply);
         Ok(reply)
+    }
+
+    fn service_page(&mut self, _now: Micros) -> Result<PageBytes, LinkError> {
+        Ok(if self.watchdog.hung { NO_PAGE } else { *self.controller.page() })
     }
 
     fn hang(&mut self, _now: Micros) -> Result<(), LinkError> {

@@ -43,6 +43,7 @@ pub use nearfield_firmware::safety::{Indicator, Outputs, PinInputs};
 pub use nearfield_firmware::secret::SECRET_LENGTH;
 use nearfield_shared::limits::WATCHDOG_TIMEOUT;
 use nearfield_shared::linescan::LineScanError;
+use nearfield_shared::service::PageBytes;
 use nearfield_shared::status::StatusError;
 use nearfield_shared::units::Micros;
 use std::path::PathBuf;
@@ -158,6 +159,12 @@ pub trait McuLink {
     /// # Errors
     /// The controller cannot be reached, or the message is longer than any transfer.
     fn exchange(&mut self, now: Micros, line_scan: Option<&[u8]>) -> Result<Reply, LinkError>;
+
+    /// The service page that the next transaction carries behind its status; zeros = none, also of a hung controller.
+    ///
+    /// # Errors
+    /// The controller cannot be reached.
+    fn service_page(&mut self, now: Micros) -> Result<PageBytes, LinkError>;
 
     /// Injects a fault: the controller's program loops for ever from now on. Its pins stay as they are until its
     /// watchdog bites; then it starts again by itself with its stored rig.

@@ -10,6 +10,7 @@ use crate::light::LightReport;
 use nearfield_shared::limits::{SHORTEST_RESET_PRESS, TICK_PERIOD};
 use nearfield_shared::linescan::{HostVerdict, LINE_SCAN_LENGTH, LineScanColumn, LineScanHeader, encode};
 use nearfield_shared::rig::Rig;
+use nearfield_shared::service::PageBytes;
 use nearfield_shared::status::{Challenge, Status};
 use nearfield_shared::units::{CalibrationId, Micros, SequenceNumber};
 
@@ -256,6 +257,14 @@ impl McuSession {
     /// The controller cannot be reached.
     pub fn hang(&mut self) -> Result<(), LinkError> {
         self.link.hang(self.now)
+    }
+
+    /// The service page that the next transaction carries behind its status; zeros = none.
+    ///
+    /// # Errors
+    /// The controller cannot be reached.
+    pub fn service_page(&mut self) -> Result<PageBytes, LinkError> {
+        self.link.service_page(self.now)
     }
 
     /// One frame period in which the host asks for the status and gives no line-scan.

@@ -10,6 +10,7 @@ use nearfield_host::link::{
 };
 use nearfield_shared::limits::LONGEST_CAPTURE_AGE;
 use nearfield_shared::linescan::{HostVerdict, LINE_SCAN_LENGTH, LineScanColumn};
+use nearfield_shared::service::PageBytes;
 use nearfield_shared::status::{Channels, StateCode, Status};
 use nearfield_shared::units::{Micros, SubpixelRow};
 use nearfield_shared::wire::{SEAL_LENGTH, checksum};
@@ -91,6 +92,10 @@ impl McuLink for Noting {
     fn exchange(&mut self, now: Micros, line_scan: Option<&[u8]>) -> Result<Reply, LinkError> {
         let reply = self.inner.exchange(now, line_scan);
         self.note(now, reply)
+    }
+
+    fn service_page(&mut self, now: Micros) -> Result<PageBytes, LinkError> {
+        self.inner.service_page(now)
     }
 
     fn hang(&mut self, now: Micros) -> Result<(), LinkError> {

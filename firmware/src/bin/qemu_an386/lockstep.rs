@@ -1,11 +1,14 @@
 //! The controller in lock-step with the host: see `nearfield_firmware::lockstep` for the records.
 
 use crate::board::{self, Watchdog};
+use crate::flash::{self, MemoryFlash};
 use crate::semihosting::{Access, File};
 use crate::target::Controller;
+use embassy_futures::block_on;
 use nearfield_firmware::lockstep::{REQUEST_HEADER_LENGTH, Reply, Request, RequestHeader, SimulatedTick};
 use nearfield_firmware::safety::{Outputs, StartInputs};
 use nearfield_firmware::secret::SECRET_LENGTH;
+use nearfield_firmware::store::Store;
 use nearfield_shared::limits::LARGEST_TRANSFER;
 use nearfield_shared::status::ResetCause;
 use nearfield_shared::units::Micros;
@@ -21,6 +24,7 @@ pub(crate) fn run(controller: &mut Controller, reset_cause: ResetCause) {
     };
     let payload = PAYLOAD.take();
     let mut watchdog: Option<Watchdog> = None;
+    let mut store = Store::new(MemoryFlash::take(), 0);
     let mut header = [0; REQUEST_HEADER_LENGTH];
     while requests.read_exact(&mut header) {
         let Ok(record) = RequestHeader::parse(&header) else {
@@ -32,10 +36,23 @@ pub(crate) fn run(controller: &mut Controller, reset_cause: ResetCause) {
             return;
         }
         let reply = match record.request {
-            Request::Start => start(controller, reset_cause, &record, payload, &mut watchdog),
-            Request::Tick(record_tick) => tick(controller, record.now, record_tick, watchdog.as_mut()),
+            Request::Start => {
+                let reply = start(controller, reset_cause, &record, payload, &mut watchdog);
+                flash::put_rig(&mut store, payload.get(SECRET_LENGTH..).unwrap_or(&[]));
+                work_on_flash(controller, record.now, &mut store);
+                reply
+            }
+            Request::Tick(record_tick) => {
+                tick(controller, record.now, record_tick, watchdog.as_mut(), &mut store)
+            }
             Request::Exchange => exchange(controller, record.now, payload),
             Request::Hang => hang(),
+            Request::Page => {
+                if !replies.write_all(controller.page()) {
+                    return;
+                }
+                continue;
+            }
         };
         if !replies.write_all(&reply.to_bytes(record.request)) {
             return;
@@ -65,9 +82,11 @@ fn tick(
     now: Micros,
     simulated: SimulatedTick,
     watchdog: Option<&mut Watchdog>,
+    store: &mut Store<MemoryFlash>,
 ) -> Reply {
     let output = controller.tick(now, simulated.inputs(now));
     board::drive_relays(output.outputs.relays);
+    work_on_flash(controller, now, store);
     let fed = match (output.permit, watchdog) {
         (Some(permit), Some(watchdog)) => {
             watchdog.feed(permit);
@@ -84,6 +103,20 @@ fn exchange(controller: &mut Controller, now: Micros, payload: &[u8]) -> Reply {
     let outputs = controller.on_exchange(now, line_scan);
     board::drive_relays(outputs.relays);
     Reply { outputs, fed: false, status }
+}
+
+/// What runs below the safety task on the board.
+fn work_on_flash(controller: &mut Controller, now: Micros, store: &mut Store<MemoryFlash>) {
+    if let Some(job) = controller.take_job() {
+        let outcome = block_on(store.run(&job));
+        controller.finish_job(now, &outcome);
+    }
+    while let Some(entry) = controller.unsaved_fault() {
+        if block_on(store.save_entry(&entry)).is_err() {
+            break;
+        }
+        controller.fault_saved(&entry);
+    }
 }
 
 /// The injected fault: no way out but the watchdog.

@@ -18,6 +18,8 @@ mod board;
 #[cfg(target_os = "none")]
 mod clock;
 #[cfg(target_os = "none")]
+mod flash;
+#[cfg(target_os = "none")]
 mod lockstep;
 #[cfg(target_os = "none")]
 mod measure;
