@@ -1,5 +1,5 @@
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| {
-    nearfield_fuzz::fuzz::service_request(data);
+    let _ = nearfield_fuzz::fuzz::service_request(data);
 });

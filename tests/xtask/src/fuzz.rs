@@ -29,12 +29,14 @@ pub fn run(rest: &[String]) -> Result<()> {
     tools::nightly(None)?;
     tools::FUZZ.ensure()?;
     let limit = format!("-max_total_time={seconds}");
+    let target_directory = run::target_directory().join("fuzz").display().to_string();
     for target in targets {
         // What libFuzzer finds goes to the first folder; the committed corpus is only read.
         let found = run::target_directory().join("fuzz-corpus").join(target);
         std::fs::create_dir_all(&found).with_context(|| found.display().to_string())?;
         let (found, committed) = (found.display().to_string(), format!("tests/corpus/{target}"));
-        let arguments = ["run", "nightly", "cargo", "fuzz", "run", "--fuzz-dir", "tests/fuzz", target];
+        let fuzz = ["run", "nightly", "cargo", "fuzz", "run", "--fuzz-dir", "tests/fuzz"];
+        let arguments = [&fuzz[..], &["--target-dir", &target_directory, target]].concat();
         let corpora = [&found, &committed, "--", &limit, "-max_len=8192", "-print_final_stats=1"];
         Step::program("rustup", &[&arguments[..], &corpora].concat())
             .without("RUSTUP_TOOLCHAIN")

@@ -20,7 +20,7 @@ pub const MUTANTS: Tool = Tool { verb: "mutants", package: "cargo-mutants", vers
 /// Coverage-guided fuzzing.
 pub const FUZZ: Tool = Tool { verb: "fuzz", package: "cargo-fuzz", version: "0.13.2" };
 /// Licences, sources and duplicates of the dependencies.
-pub const AUDIT: Tool = Tool { verb: "deny", package: "cargo-deny", version: "0.19.0" };
+pub const AUDIT: Tool = Tool { verb: "deny", package: "cargo-deny", version: "0.20.2" };
 
 impl Tool {
     /// Installs it if it is missing.
