@@ -85,6 +85,7 @@ mod tests {
             heights: Heights::default(),
             large: false,
             watched_columns: 1000,
+            passed: None,
         }
     }
 

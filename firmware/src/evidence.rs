@@ -162,6 +162,7 @@ mod tests {
             heights: Heights::default(),
             large: false,
             watched_columns: 900,
+            passed: None,
         }
     }
 

@@ -12,6 +12,7 @@
 //! | [`audit`] | do raw pixels of unforeseeable columns bear the host's report out? |
 //! | [`health`] | does the floor lie where it should, are small objects still seen? |
 //! | [`evidence`] | what does an accepted line-scan, with all these judges, prove about the stripe? |
+//! | [`run_over`] | may small debris pass, where and how long? |
 //! | [`arming`] | was the dark seen as dark before the relays close? |
 //! | [`interlock`] | was the reset button pressed and released as a person does? |
 //! | [`relay`] | do the contacts follow their commands, and is the command itself intact? |
@@ -74,6 +75,7 @@ pub mod map_check;
 mod model_check;
 pub mod output_test;
 pub mod relay;
+pub mod run_over;
 pub mod safety;
 pub mod secret;
 pub mod selftest;

@@ -16,6 +16,7 @@ use nearfield_shared::linescan::{
     AUDIT_PIXELS, AuditWindow, HostVerdict, LINE_SCAN_LENGTH, LineScanColumn, LineScanHeader, encode,
 };
 use nearfield_shared::rig::{ImageSize, Rig, Stripe};
+use nearfield_shared::run_over::{Claims, NO_CLAIMS};
 use nearfield_shared::status::{Challenge, Channels, ResetCause, Status};
 use nearfield_shared::units::{CalibrationId, Micros, SequenceNumber, SignalQuality, SourceId, SubpixelRow};
 
@@ -56,6 +57,7 @@ pub(crate) fn header(sequence: u32, last_status: u32, calibration: CalibrationId
         verdict: HostVerdict::Clear,
         ambient: 90,
         saturated: 10,
+        claims: NO_CLAIMS,
     }
 }
 
@@ -108,6 +110,8 @@ pub(crate) struct Bench {
     /// What the relay drivers' outputs are when they are driven like this.
     pub(crate) drivers: fn(Channels) -> Channels,
     pub(crate) sequence: u32,
+    /// What the host claims in every line-scan.
+    pub(crate) claims: Claims,
     statuses: u32,
     challenge: Challenge,
     /// When the laser's level changed, and to what.
@@ -119,7 +123,11 @@ pub(crate) struct Bench {
 impl Bench {
     /// Out of a reset of this kind, with the rig stored.
     pub(crate) fn after(reset_cause: ResetCause) -> Self {
-        let rig = rig();
+        Self::with_rig(reset_cause, rig())
+    }
+
+    /// As [`Self::after`], with this rig (of [`rig`]'s picture) stored.
+    pub(crate) fn with_rig(reset_cause: ResetCause, rig: Rig) -> Self {
         let mut geometry = Box::new(StripeGeometry::empty());
         geometry.fill(&rig, Decimation::for_line_scan(640)).unwrap();
         let mut controller = SafetyController::new(SOURCE, Box::new(LineScanMonitor::new()));
@@ -134,6 +142,7 @@ impl Bench {
             self_test: None,
             drivers: |driven| driven,
             sequence: 0,
+            claims: NO_CLAIMS,
             statuses: 0,
             challenge: Challenge::default(),
             levels: Vec::new(),
@@ -156,10 +165,26 @@ impl Bench {
 
     /// A line-scan of this height everywhere in this light.
     pub(crate) fn scan_in_light(&mut self, height: Option<f32>, verdict: HostVerdict, level: u8) -> Vec<u8> {
+        self.scan_of(|_| height, verdict, level)
+    }
+
+    /// A line-scan of this profile, stripe coordinate to height, in the light that the laser gives.
+    pub(crate) fn profile(&mut self, height: impl Fn(f32) -> Option<f32>, verdict: HostVerdict) -> Vec<u8> {
+        let level = self.exposed_level();
+        self.scan_of(|s| height(s).filter(|_| level > 0), verdict, level)
+    }
+
+    fn scan_of(&mut self, height: impl Fn(f32) -> Option<f32>, verdict: HostVerdict, level: u8) -> Vec<u8> {
         self.sequence += 1;
-        let header =
-            LineScanHeader { verdict, ..header(self.sequence, self.statuses, self.rig.calibration_id()) };
-        let row = |column: usize| Some(self.geometry.map(column)?.row(height?));
+        let header = LineScanHeader {
+            verdict,
+            claims: self.claims,
+            ..header(self.sequence, self.statuses, self.rig.calibration_id())
+        };
+        let row = |column: usize| {
+            let map = self.geometry.map(column)?;
+            Some(map.row(height(map.floor_place)?))
+        };
         let columns: Vec<_> = (0..COLUMNS)
             .map(|column| {
                 let row = SubpixelRow::from_pixels(row(column)?)?;

@@ -5,6 +5,7 @@
 //! [camera]  # fx, fy, cx, cy: pixels; distortion = [k1, k2, p1, p2, k3]; rotation (3 rows), translation_mm: world to camera
 //! [laser]   # origin_mm, plane_normal (unit), plane_offset_mm: the sheet is plane_normal . X = plane_offset_mm
 //! [stripe]  # point_mm, direction (unit), start_mm, end_mm: the watched stretch is point_mm + s * direction
+//! [run_over] # optional; allowed = true lets small debris pass that the controller itself finds low; off without it
 //! ```
 //!
 //! A section `[uncertainty]`, which calibration writes for people, is allowed and not read.
@@ -111,6 +112,11 @@ pub fn to_toml(rig: &Rig) -> String {
         stripe.start,
         stripe.end,
     );
+    if rig.allows_run_over() {
+        text.push_str(
+            "\n[run_over] # small debris may pass if the controller itself finds it low\nallowed = true\n",
+        );
+    }
     text
 }
 
@@ -133,12 +139,17 @@ const SECTIONS: [(&str, &[&str]); 4] = [
     ("stripe", &["point_mm", "direction", "start_mm", "end_mm"]),
 ];
 
+/// May be left out: then nothing is run over.
+const RUN_OVER: &str = "run_over";
+
 /// Says how sure a calibration is of the other sections.
 const UNCERTAINTY: &str = "uncertainty";
 
 fn read_rig(table: &Table) -> Checked<Rig> {
     let sections = SECTIONS.map(|(name, _)| name);
-    let is_unknown = |name: &&String| !sections.contains(&name.as_str()) && *name != UNCERTAINTY;
+    let is_unknown = |name: &&String| {
+        !sections.contains(&name.as_str()) && ![UNCERTAINTY, RUN_OVER].contains(&name.as_str())
+    };
     if let Some(name) = table.keys().find(is_unknown) {
         return Err(unknown(name.clone(), &sections));
     }
@@ -166,8 +177,18 @@ fn read_rig(table: &Table) -> Checked<Rig> {
         start: stripe.number("start_mm")?,
         end: stripe.number("end_mm")?,
     };
-    Rig::new(image, camera, laser, stripe)
-        .map_err(|error| FieldProblem { field: error.field.to_owned(), problem: error.rule.to_owned() })
+    let rig = Rig::new(image, camera, laser, stripe)
+        .map_err(|error| FieldProblem { field: error.field.to_owned(), problem: error.rule.to_owned() })?;
+    Ok(rig.with_run_over(read_run_over(table)?))
+}
+
+fn read_run_over(table: &Table) -> Checked<bool> {
+    if !table.contains_key(RUN_OVER) {
+        return Ok(false);
+    }
+    let section = Section::of(table, RUN_OVER, &["allowed"])?;
+    let allowed = section.table.get("allowed").and_then(Value::as_bool);
+    allowed.ok_or_else(|| section.problem("allowed", "must be true or false"))
 }
 
 fn unknown(field: String, known: &[&str]) -> FieldProblem {
@@ -308,6 +329,25 @@ mod tests {
                     );
                 }
             }
+        }
+    }
+
+    #[test]
+    fn run_over_is_off_unless_the_file_allows_it_in_so_many_words() {
+        let rig = |text: &str| parse(text, Path::new("robot.toml")).unwrap();
+        assert!(!rig(GOOD).allows_run_over());
+        assert!(!rig(&format!("{GOOD}\n[run_over]\nallowed = false\n")).allows_run_over());
+        let allowed = rig(&format!("{GOOD}\n[run_over]\nallowed = true\n"));
+        assert!(allowed.allows_run_over());
+        assert_eq!(rig(&to_toml(&allowed)), allowed);
+        assert_ne!(
+            allowed.calibration_id(),
+            rig(GOOD).calibration_id(),
+            "host and controller must agree on it"
+        );
+        for bad in ["", "allowed = 1", "allowed = \"true\"", "allow = true"] {
+            let message = refusal(&format!("{GOOD}\n[run_over]\n{bad}\n"));
+            assert!(message.starts_with("robot.toml: run_over.allow"), "{bad}: {message}");
         }
     }
 

@@ -150,6 +150,8 @@ impl Warnings {
     pub const STRIPE: Self = Self(1 << 5);
     /// A line-scan was refused within the last interval; a second one stops.
     pub const LINK: Self = Self(1 << 6);
+    /// Small debris on the stripe passes under a run-over permit.
+    pub const RUN_OVER: Self = Self(1 << 7);
 
     /// From the wire.
     #[must_use]
@@ -176,7 +178,7 @@ impl Warnings {
     }
 
     /// Each warning's bit, the name that programs read, and what a person reads.
-    pub const NAMED: [(Self, &'static str, &'static str); 7] = [
+    pub const NAMED: [(Self, &'static str, &'static str); 8] = [
         (Self::FLOOR_OFFSET, "floor_offset", "the floor is not quite where the calibration says"),
         (
             Self::VISIBILITY,
@@ -188,6 +190,7 @@ impl Warnings {
         (Self::HOST, "host", "the host computer warns"),
         (Self::STRIPE, "stripe", "something is on the stripe, not enough to stop"),
         (Self::LINK, "link", "a message from the host computer was refused"),
+        (Self::RUN_OVER, "run_over", "small debris is being run over"),
     ];
 }
 
@@ -313,7 +316,7 @@ mod tests {
         let states: std::collections::BTreeSet<_> = StateCode::ALL.map(StateCode::name).into();
         let faults: std::collections::BTreeSet<_> = FaultCode::ALL.map(FaultCode::name).into();
         let warnings: std::collections::BTreeSet<_> = Warnings::NAMED.map(|(_, name, _)| name).into();
-        assert_eq!((states.len(), faults.len(), warnings.len()), (6, 5, 7));
+        assert_eq!((states.len(), faults.len(), warnings.len()), (6, 5, 8));
     }
 
     #[test]
@@ -328,7 +331,7 @@ mod tests {
             assert!(all.has_any(warning));
         }
         assert_eq!(Warnings::from_bits(all.bits()), all);
-        assert_eq!(all.bits(), 0x7F);
+        assert_eq!(all.bits(), 0xFF);
     }
 
     #[test]

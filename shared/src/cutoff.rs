@@ -32,6 +32,14 @@ impl Gap {
     pub fn length(&self) -> Millimetres {
         self.end.minus(self.start)
     }
+
+    /// From the smaller of both starts to the larger of both ends.
+    #[must_use]
+    pub fn united_with(&self, other: &Self) -> Self {
+        let start = if other.start < self.start { other.start } else { self.start };
+        let end = if other.end > self.end { other.end } else { self.end };
+        Self { start, end }
+    }
 }
 
 /// Is a column of this height proven to show lit floor? NaN (no stripe) is not.
@@ -225,11 +233,13 @@ struct LongestGap<'a> {
     /// While within a gap: the floor column before it, or the stripe's first column where it begins with a gap.
     bound: Option<usize>,
     longest: Option<Gap>,
+    /// Its length as the bits of the float: positive floats compare like them, and a length that is no number is longest.
+    longest_bits: u32,
 }
 
 impl<'a> LongestGap<'a> {
     const fn new(maps: &'a [ColumnMap]) -> Self {
-        Self { maps, bound: None, longest: None }
+        Self { maps, bound: None, longest: None, longest_bits: 0 }
     }
 
     /// Call for every column whose verdict is not that of the one before; the one before the first is floor.
@@ -243,10 +253,12 @@ impl<'a> LongestGap<'a> {
 
     fn close(&mut self, from: usize, to: usize, mut on_gap: impl FnMut(Gap)) {
         self.bound = None;
-        let gap = Gap::between(self.place(from), self.place(to));
-        on_gap(gap);
-        if self.longest.is_none_or(|longest| gap.length() > longest.length()) {
-            self.longest = Some(gap);
+        let (one, other) = (self.place(from), self.place(to));
+        on_gap(Gap::between(one, other));
+        let bits = (one - other).abs().to_bits();
+        if bits > self.longest_bits || self.longest.is_none() {
+            self.longest = Some(Gap::between(one, other));
+            self.longest_bits = bits;
         }
     }
 
@@ -268,6 +280,16 @@ impl<'a> LongestGap<'a> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn united_gaps_reach_from_end_to_end() {
+        let (one, other) = (Gap::between(-3.0, 4.0), Gap::between(6.0, 9.0));
+        for gap in [one.united_with(&other), other.united_with(&one)] {
+            assert_eq!(gap, Gap::between(-3.0, 9.0));
+        }
+        assert_eq!(one.united_with(&Gap::between(0.0, 1.0)), one);
+        assert_eq!(Gap::between(0.0, 1.0).united_with(&one), one);
+    }
 
     #[test]
     fn floor_is_the_tolerance_and_no_more_on_both_sides() {

@@ -54,6 +54,7 @@ pub mod limits;
 pub mod linescan;
 pub mod monitor;
 pub mod rig;
+pub mod run_over;
 pub mod service;
 pub mod status;
 #[cfg(test)]

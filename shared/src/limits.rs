@@ -129,6 +129,24 @@ pub const WARNING_SATURATED: u8 = 230;
 /// Speed that the controller permits while a health warning holds, per cent of the configured one.
 pub const REDUCED_SPEED_PERCENT: u8 = 50;
 
+/// Run-over: debris is lower than this everywhere, as the controller itself measures it. Reason: the paper's small class
+/// ends at 50 mm; what is seen from one side may be higher a little farther back.
+pub const RUN_OVER_HEIGHT: Millimetres = Millimetres::new(40.0);
+/// Run-over: debris covers no more of the stripe than this. Reason: hand tools and packing tape, not a plank.
+pub const LONGEST_RUN_OVER_STRETCH: Millimetres = Millimetres::new(200.0);
+/// Run-over: what is no debris objects this far beside it. Reason: the size of a hand that reaches for it.
+pub const RUN_OVER_OBJECTION_MARGIN: Millimetres = Millimetres::new(100.0);
+/// Run-over: confidence that a claim needs, 255 = certain. Reason: calibrated probability 0.9; the height is the
+/// controller's own in any case.
+pub const LEAST_CLAIM_CONFIDENCE: u8 = 230;
+/// Run-over: age of the picture that a claim comes from, at most. Reason: several detections at 25 pictures per second.
+pub const LONGEST_CLAIM_AGE: Micros = Micros::from_millis(300);
+/// Run-over: consecutive line-scans whose claims agree before a stretch may pass.
+pub const RUN_OVER_AGREEMENT: usize = 3;
+/// Run-over: a permit ends this long after its first use. Reason: at 0.3 m/s a stretch of 300 mm has passed; what lies
+/// there longer is no debris that is being run over.
+pub const LONGEST_RUN_OVER: Micros = Micros::from_millis(1000);
+
 /// Pulse test: one channel's turn comes this often; both are tested within twice the time. Reason: a fault is found
 /// long before a second, independent one is likely.
 pub const PULSE_PERIOD: Micros = Micros::from_millis(500);
@@ -169,6 +187,9 @@ mod tests {
             (WARNING_FLOOR_OFFSET, 0.5),
             (CONFIGURED_OBJECT_HEIGHT, 3.3),
             (WARNING_OBJECT_HEIGHT, 2.8),
+            (RUN_OVER_HEIGHT, 40.0),
+            (LONGEST_RUN_OVER_STRETCH, 200.0),
+            (RUN_OVER_OBJECTION_MARGIN, 100.0),
         ];
         for (limit, millimetres) in lengths {
             assert_eq!(limit, Millimetres::new(millimetres));
@@ -188,6 +209,8 @@ mod tests {
             (LIVENESS_TIMEOUT, 450_000),
             (ARMING_TIMEOUT, 1_000_000),
             (PULSE_PERIOD, 500_000),
+            (LONGEST_CLAIM_AGE, 300_000),
+            (LONGEST_RUN_OVER, 1_000_000),
         ];
         for (limit, micros) in times {
             assert_eq!(limit, Micros::new(micros));
@@ -195,5 +218,6 @@ mod tests {
         assert_eq!((VOTE_FRAMES, HEALTHY_STREAK, LARGEST_SEQUENCE_STEP), (3, 3, 2));
         assert_eq!((LIVENESS_DOUBT_LIMIT, AUDIT_DOUBT_LIMIT, AUDIT_BLOCK_LIMIT, DARK_PROOFS), (4, 240, 3, 2));
         assert_eq!(WEAKEST_SIGNAL, SignalQuality::new(24));
+        assert_eq!((LEAST_CLAIM_CONFIDENCE, RUN_OVER_AGREEMENT), (230, 3));
     }
 }

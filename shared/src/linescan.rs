@@ -5,7 +5,7 @@
 //! | offset | field |
 //! |---|---|
 //! | 0 | magic `NFLS` |
-//! | 4 | version u16 (2) |
+//! | 4 | version u16 (3) |
 //! | 6 | source id u16 |
 //! | 8 | calibration id u32 |
 //! | 12 | sequence number u32 |
@@ -17,11 +17,12 @@
 //! | 32 | audit windows u16 |
 //! | 34 | ambient light u8: mean brightness beside the stripe |
 //! | 35 | saturated u8: share of the columns whose stripe is clipped, 255 = all |
-//! | 36 | 1152 rows, Q12.4 u16 each, 0xFFFF = no stripe |
-//! | 2340 | 1152 signal qualities u8 |
-//! | 3492 | 64 brightnesses u16, 1/256 of a step of [the light signal](crate::light): the stripe over its background, one for each 64th of the columns; 0 = no stripe there |
-//! | 3620 | 8 audit windows: column u16, first row u16, 32 pixels u8 of the light signal |
-//! | 3908 | CRC-32 (see [`crate::wire`]) of all before |
+//! | 36 | 4 run-over claims, 8 bytes each, see [`crate::run_over`]; zeros = none |
+//! | 68 | 1152 rows, Q12.4 u16 each, 0xFFFF = no stripe |
+//! | 2372 | 1152 signal qualities u8 |
+//! | 3524 | 64 brightnesses u16, 1/256 of a step of [the light signal](crate::light): the stripe over its background, one for each 64th of the columns; 0 = no stripe there |
+//! | 3652 | 8 audit windows: column u16, first row u16, 32 pixels u8 of the light signal |
+//! | 3940 | CRC-32 (see [`crate::wire`]) of all before |
 //!
 //! Unused columns and windows are zero. Raw bytes become a checked [`LineScan`] or an error that says which rule was
 //! broken; nothing of a refused message is used.
@@ -29,18 +30,19 @@
 use crate::light::{BrightnessProfile, LIGHT_BLOCKS};
 use crate::limits::{LARGEST_COLUMN_COUNT, LARGEST_TRANSFER};
 use crate::monitor::ColumnReading;
+use crate::run_over::{CLAIM_LENGTH, Claim, Claims, LARGEST_CLAIM_COUNT, NO_CLAIMS};
 use crate::units::{CalibrationId, Micros, SequenceNumber, SignalQuality, SourceId, SubpixelRow};
 use crate::wire::{self, Reader, SEAL_LENGTH, Writer};
 
 /// `NFLS`, little-endian.
 pub const LINE_SCAN_MAGIC: u32 = 0x534C_464E;
 /// Version of the format.
-pub const LINE_SCAN_VERSION: u16 = 2;
+pub const LINE_SCAN_VERSION: u16 = 3;
 /// Audit windows that fit.
 pub const LARGEST_AUDIT_COUNT: usize = 8;
 /// Pixels of an audit window.
 pub const AUDIT_PIXELS: usize = 32;
-const HEADER_LENGTH: usize = 36;
+const HEADER_LENGTH: usize = 36 + LARGEST_CLAIM_COUNT * CLAIM_LENGTH;
 const ROWS_LENGTH: usize = 2 * LARGEST_COLUMN_COUNT;
 const BRIGHTNESS_LENGTH: usize = 2 * LIGHT_BLOCKS;
 const AUDIT_LENGTH: usize = 4 + AUDIT_PIXELS;
@@ -99,6 +101,8 @@ pub struct LineScanHeader {
     pub ambient: u8,
     /// Share of the columns whose stripe is clipped, 255 = all.
     pub saturated: u8,
+    /// What tier 3 says lies on the stripe. Alone it permits nothing.
+    pub claims: Claims,
 }
 
 /// One column on the wire.
@@ -198,6 +202,10 @@ impl<'a> LineScan<'a> {
         let columns = usize::from(reader.u16()?);
         let audits = usize::from(reader.u16()?);
         let (ambient, saturated) = (reader.u8()?, reader.u8()?);
+        let mut claims = NO_CLAIMS;
+        for claim in &mut claims {
+            *claim = Claim::read(reader)?;
+        }
         if columns == 0 || columns > LARGEST_COLUMN_COUNT || audits > LARGEST_AUDIT_COUNT {
             return None;
         }
@@ -217,6 +225,7 @@ impl<'a> LineScan<'a> {
             verdict,
             ambient,
             saturated,
+            claims,
         };
         Some(Self { header, rows, qualities, brightness, audit })
     }
@@ -320,6 +329,9 @@ pub fn encode(
     writer.u16(audit_count);
     writer.u8(header.ambient);
     writer.u8(header.saturated);
+    for claim in &header.claims {
+        Claim::write(claim.as_ref(), &mut writer);
+    }
     for column in columns {
         writer.u16(column.row.raw());
     }
@@ -343,7 +355,18 @@ pub fn encode(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::action::Category;
+    use crate::run_over::Stretch;
     use proptest::prelude::*;
+
+    fn claim(start: i16) -> Option<Claim> {
+        Some(Claim {
+            stretch: Stretch::new(start, start + 2).unwrap(),
+            category: Category::Tool,
+            confidence: 0x1A,
+            age: Micros::from_millis(0x1B1C),
+        })
+    }
 
     fn header() -> LineScanHeader {
         LineScanHeader {
@@ -356,6 +379,7 @@ mod tests {
             verdict: HostVerdict::Clear,
             ambient: 0x15,
             saturated: 0x16,
+            claims: [claim(0x1718), None, None, claim(0x1728)],
         }
     }
 
@@ -380,25 +404,27 @@ mod tests {
 
     /// Frozen: a receiver in the field reads exactly these bytes. Do not change the test; add a version.
     #[test]
-    fn golden_bytes_of_version_2() {
+    fn golden_bytes_of_version_3() {
         let message = example();
-        assert_eq!(LINE_SCAN_LENGTH, 3912);
+        assert_eq!(LINE_SCAN_LENGTH, 3944);
         #[rustfmt::skip]
         let head = [
-            b'N', b'F', b'L', b'S', 2, 0, 0x02, 0x01, 0x06, 0x05, 0x04, 0x03, 0x0A, 0x09, 0x08, 0x07,
+            b'N', b'F', b'L', b'S', 3, 0, 0x02, 0x01, 0x06, 0x05, 0x04, 0x03, 0x0A, 0x09, 0x08, 0x07,
             0x0E, 0x0D, 0x0C, 0x0B, 0x12, 0x11, 0x10, 0x0F, 0x16, 0x15, 0x14, 0x13, 0x5A, 0x3C, 2, 0,
-            1, 0, 0x15, 0x16, 0x22, 0x21, 0xFF, 0xFF, 0, 0,
+            1, 0, 0x15, 0x16, 0x18, 0x17, 0x1A, 0x17, 0x4B, 0x1A, 0x1C, 0x1B, 0, 0, 0, 0,
+            0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x28, 0x17, 0x2A, 0x17,
+            0x4B, 0x1A, 0x1C, 0x1B, 0x22, 0x21, 0xFF, 0xFF, 0, 0,
         ];
-        assert_eq!(message[..42], head);
-        assert_eq!(message[2340..2343], [0x23, 0, 0]);
-        assert_eq!(message[3492..3495], [0x42, 0x41, 0]);
-        assert_eq!(message[3617..3620], [0, 0x44, 0x43]);
-        assert_eq!(message[3620..3625], [0x32, 0x31, 0x34, 0x33, 0x35]);
-        assert_eq!(message[3656], 0);
-        assert_eq!(message[3908..], GOLDEN_SEAL.to_le_bytes());
+        assert_eq!(message[..74], head);
+        assert_eq!(message[2372..2375], [0x23, 0, 0]);
+        assert_eq!(message[3524..3527], [0x42, 0x41, 0]);
+        assert_eq!(message[3649..3652], [0, 0x44, 0x43]);
+        assert_eq!(message[3652..3657], [0x32, 0x31, 0x34, 0x33, 0x35]);
+        assert_eq!(message[3688], 0);
+        assert_eq!(message[3940..], GOLDEN_SEAL.to_le_bytes());
     }
     /// Computed bit by bit outside this project's code from the catalogue's parameters.
-    const GOLDEN_SEAL: u32 = 0x9E33_932A;
+    const GOLDEN_SEAL: u32 = 0x51AA_F0D8;
 
     #[test]
     fn what_was_encoded_is_what_is_read() {
@@ -427,8 +453,8 @@ mod tests {
         damaged[100] ^= 1;
         assert_eq!(LineScan::parse(&damaged).err(), Some(LineScanError::Corrupted));
         assert_eq!(with(0, b'X'), Some(LineScanError::Magic));
-        assert_eq!(with(4, 1), Some(LineScanError::Version), "the version before this one");
-        assert_eq!(with(4, 3), Some(LineScanError::Version));
+        assert_eq!(with(4, 2), Some(LineScanError::Version), "the version before this one");
+        assert_eq!(with(4, 4), Some(LineScanError::Version));
         assert_eq!(with(28, 0), Some(LineScanError::Field), "verdict");
         assert_eq!(with(30, 0), Some(LineScanError::Field), "no columns");
         assert_eq!(with(31, 5), Some(LineScanError::Field), "1282 columns");
@@ -436,6 +462,8 @@ mod tests {
         assert_eq!(with(32, 8), None, "8 audit windows");
         assert_eq!(with(34, 0xFF), None, "any ambient light");
         assert_eq!(with(35, 0xFF), None, "any saturation");
+        assert_eq!(with(40, 0x4A), Some(LineScanError::Field), "a claim of no category");
+        assert_eq!(with(44, 1), Some(LineScanError::Field), "a claim in part");
     }
 
     #[test]

@@ -4,8 +4,12 @@
 use crate::columns::{ColumnMap, Decimation, GeometryError, StripeGeometry};
 use crate::cutoff::{Cutoff, CutoffDetector, Gap};
 use crate::height::{self, Cluster, Heights, SizeClass};
-use crate::limits::{IMMEDIATE_GAP, LARGE_HEIGHT, LONGEST_ALLOWED_GAP, VOTE_FRAMES, WEAKEST_SIGNAL};
+use crate::limits::{
+    FLOOR_TOLERANCE, IMMEDIATE_GAP, LARGE_HEIGHT, LONGEST_ALLOWED_GAP, RUN_OVER_HEIGHT, VOTE_FRAMES,
+    WEAKEST_SIGNAL,
+};
 use crate::rig::Rig;
+use crate::run_over::{RunOverPermit, Stretch};
 use crate::units::SignalQuality;
 
 /// What one column of a line-scan or of a picture says about the stripe.
@@ -33,6 +37,8 @@ pub struct StripeReport {
     pub large: bool,
     /// Columns that watch the stripe.
     pub watched_columns: u16,
+    /// From the first to the last place that passed under a run-over permit in this frame; `None` without any.
+    pub passed: Option<Gap>,
 }
 
 impl StripeReport {
@@ -117,7 +123,8 @@ impl<const N: usize> StripeMonitor<N> {
         &self.geometry
     }
 
-    /// Heights of the last frame in the watched columns, millimetres, NaN where the stripe is missing.
+    /// Heights of the last frame in the watched columns, millimetres, NaN where the stripe is missing, 0 where it passed
+    /// under a run-over permit.
     #[must_use]
     pub fn heights(&self) -> &[f32] {
         self.heights.get(..self.geometry.maps().len()).unwrap_or(&[])
@@ -126,13 +133,16 @@ impl<const N: usize> StripeMonitor<N> {
     /// Evaluates one frame. `readings` gives every column of the scan, watched or not, from column 0 on; columns that
     /// it does not give are missing.
     pub fn update(&mut self, readings: impl Iterator<Item = ColumnReading>) -> StripeReport {
-        self.update_with(readings, |_| {}, |_| {})
+        self.update_with(readings, &RunOverPermit::NONE, |_| {}, |_| {})
     }
 
-    /// As [`Self::update`], and tells every gap of the vote and every cluster of this frame.
+    /// As [`Self::update`], and tells every gap of the vote and every cluster of this frame. In the permit's stretches a
+    /// column that shows the stripe raised by less than [`RUN_OVER_HEIGHT`] counts as floor for tier 1: not one without
+    /// stripe, not one that is higher, not one below the floor. Tier 2 sees every height as it is.
     pub fn update_with(
         &mut self,
         readings: impl Iterator<Item = ColumnReading>,
+        permit: &RunOverPermit,
         on_gap: impl FnMut(Gap),
         on_cluster: impl FnMut(Cluster),
     ) -> StripeReport {
@@ -141,9 +151,14 @@ impl<const N: usize> StripeMonitor<N> {
         for (height, map) in self.heights.iter_mut().zip(maps) {
             *height = readings.next().map_or(f32::NAN, |reading| trusted_height(map, reading));
         }
-        let heights = self.heights.get(..maps.len()).unwrap_or(&[]);
-        let cutoff = self.detector.update(&self.geometry, heights, on_gap);
-        let heights = height::evaluate(&self.geometry, heights, on_cluster);
+        let measured = self.heights.get_mut(..maps.len()).unwrap_or(&mut []);
+        let heights = height::evaluate(&self.geometry, measured, on_cluster);
+        let mut passed: Option<Gap> = None;
+        for stretch in permit.stretches.iter().flatten() {
+            let here = let_pass(maps, measured, *stretch);
+            passed = here.map(|here| passed.map_or(here, |before| before.united_with(&here))).or(passed);
+        }
+        let cutoff = self.detector.update(&self.geometry, measured, on_gap);
         self.large.rotate_right(1);
         if let Some(newest) = self.large.first_mut() {
             *newest = heights.highest.is_some_and(|highest| highest.height >= LARGE_HEIGHT);
@@ -154,6 +169,7 @@ impl<const N: usize> StripeMonitor<N> {
             heights,
             large: votes.saturating_mul(2) > VOTE_FRAMES,
             watched_columns: u16::try_from(maps.len()).unwrap_or(u16::MAX),
+            passed,
         }
     }
 }
@@ -164,8 +180,70 @@ impl<const N: usize> Default for StripeMonitor<N> {
     }
 }
 
+/// Makes floor of the low columns of a stretch; tells from where to where it has.
+fn let_pass(maps: &[ColumnMap], heights: &mut [f32], stretch: Stretch) -> Option<Gap> {
+    let (start, end) = (stretch.start().get(), stretch.end().get());
+    // Places rise or fall with the column all along the stripe.
+    let rising = maps.first()?.floor_place <= maps.last()?.floor_place;
+    let [before, inside]: [fn(&ColumnMap, f32, f32) -> bool; 2] = if rising {
+        [|map, start, _| map.floor_place < start, |map, _, end| map.floor_place <= end]
+    } else {
+        [|map, _, end| map.floor_place > end, |map, start, _| map.floor_place >= start]
+    };
+    let from = maps.partition_point(|map| before(map, start, end));
+    let to = maps.partition_point(|map| inside(map, start, end));
+    let (maps, heights) = (maps.get(from..to)?, heights.get_mut(from..to)?);
+    let first = heights.iter().position(|height| is_low(*height))?;
+    let last = heights.iter().rposition(|height| is_low(*height))?;
+    let passed = Gap::between(maps.get(first)?.floor_place, maps.get(last)?.floor_place);
+    for height in heights.get_mut(first..)?.iter_mut().filter(|height| is_low(**height)) {
+        *height = 0.0;
+    }
+    Some(passed)
+}
+
+/// Raised, and low enough to be run over: as positive floats compare like their bits, in a third of the instructions.
+const fn is_low(height: f32) -> bool {
+    const FLOOR: u32 = FLOOR_TOLERANCE.get().to_bits();
+    const LIMIT: u32 = RUN_OVER_HEIGHT.get().to_bits();
+    height.to_bits() > FLOOR && height.to_bits() < LIMIT
+}
+
 /// Height of a reading, NaN where its signal is too weak to be trusted.
 #[inline]
 fn trusted_height(map: &ColumnMap, reading: ColumnReading) -> f32 {
     if reading.quality >= WEAKEST_SIGNAL { map.height(reading.row) } else { f32::NAN }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn low_is_between_the_floors_tolerance_and_the_limit() {
+        let (floor, limit) = (FLOOR_TOLERANCE.get(), RUN_OVER_HEIGHT.get());
+        for (height, low) in [
+            (floor, false),
+            (floor.next_up(), true),
+            (limit.next_down(), true),
+            (limit, false),
+            (0.0, false),
+            (-3.0, false),
+            (f32::NAN, false),
+            (-f32::NAN, false),
+            (f32::INFINITY, false),
+        ] {
+            assert_eq!(is_low(height), low, "{height}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn low_by_bits_is_low_by_value(bits in any::<u32>()) {
+            let height = f32::from_bits(bits);
+            let low = height > FLOOR_TOLERANCE.get() && height < RUN_OVER_HEIGHT.get();
+            prop_assert_eq!(is_low(height), low);
+        }
+    }
 }

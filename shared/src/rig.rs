@@ -1,6 +1,7 @@
 //! The whole calibrated rig, checked, and its compact stored form for the MCU's flash.
 //!
-//! The compact form, little-endian, [`COMPACT_LENGTH`] bytes: magic `NFRG`, version u16, reserved u16 (zero), width
+//! The compact form, little-endian, [`COMPACT_LENGTH`] bytes: magic `NFRG`, version u16, options u16 (bit 0: run-over of small
+//! debris is allowed; the others are zero), width
 //! u16, height u16, then 36 f32: fx fy cx cy, k1 k2 p1 p2 k3, rotation (9, row by row), translation (3), laser origin
 //! (3), normal (3), offset, stripe point (3), direction (3), start, end; then the CRC-32 of all that. f32 costs less
 //! than 0.001 mm of height.
@@ -109,7 +110,11 @@ pub struct Rig {
     camera: Camera,
     laser: Laser,
     stripe: Stripe,
+    run_over: bool,
 }
+
+/// Bit of the compact form's options.
+const RUN_OVER_OPTION: u16 = 1;
 
 impl Rig {
     /// Checks every part and how they fit together.
@@ -123,7 +128,7 @@ impl Rig {
         check_pose(&camera.pose)?;
         check_laser(&laser)?;
         check_stripe(&stripe, &laser)?;
-        let rig = Self { image, camera, laser, stripe };
+        let rig = Self { image, camera, laser, stripe, run_over: false };
         rig.check_view()?;
         Ok(rig)
     }
@@ -152,6 +157,19 @@ impl Rig {
         &self.stripe
     }
 
+    /// May small debris be run over, if the controller itself finds it low (see [`crate::run_over`])? Off unless
+    /// [`Self::with_run_over`] has allowed it; part of the calibration's identity, so that host and controller agree.
+    #[must_use]
+    pub const fn allows_run_over(&self) -> bool {
+        self.run_over
+    }
+
+    /// With run-over of small debris allowed or not.
+    #[must_use]
+    pub const fn with_run_over(self, run_over: bool) -> Self {
+        Self { run_over, ..self }
+    }
+
     /// The compact form for the MCU's flash.
     #[must_use]
     pub fn to_bytes(&self) -> [u8; COMPACT_LENGTH] {
@@ -159,7 +177,7 @@ impl Rig {
         let mut writer = Writer::new(&mut bytes);
         writer.u32(COMPACT_MAGIC);
         writer.u16(COMPACT_VERSION);
-        writer.u16(0);
+        writer.u16(if self.run_over { RUN_OVER_OPTION } else { 0 });
         writer.u16(self.image.width);
         writer.u16(self.image.height);
         let lens = &self.camera.intrinsics;
@@ -201,9 +219,15 @@ impl Rig {
             Some(COMPACT_VERSION) => {}
             other => return Err(CompactRigError::Version(other.unwrap_or(0))),
         }
+        let options = reader.u16().ok_or(CompactRigError::NotARig)?;
+        if options & !RUN_OVER_OPTION != 0 {
+            let unknown = RigError { field: "options", rule: "an option that this version does not know" };
+            return Err(CompactRigError::Invalid(unknown));
+        }
         let parts = read_parts(&mut reader).ok_or(CompactRigError::NotARig)?;
         let (image, camera, laser, stripe) = parts;
-        Self::new(image, camera, laser, stripe).map_err(CompactRigError::Invalid)
+        let rig = Self::new(image, camera, laser, stripe).map_err(CompactRigError::Invalid)?;
+        Ok(rig.with_run_over(options & RUN_OVER_OPTION != 0))
     }
 
     /// The name of this rig for host and MCU to agree on: the CRC of the compact form.
@@ -238,7 +262,6 @@ fn read_vector(reader: &mut Reader<'_>) -> Option<Vector> {
 }
 
 fn read_parts(reader: &mut Reader<'_>) -> Option<(ImageSize, Camera, Laser, Stripe)> {
-    reader.u16()?;
     let image = ImageSize { width: reader.u16()?, height: reader.u16()? };
     let (fx, fy) = (reader.f64_from_f32()?, reader.f64_from_f32()?);
     let (cx, cy) = (reader.f64_from_f32()?, reader.f64_from_f32()?);
@@ -409,6 +432,12 @@ mod tests {
             Rig::from_bytes(&bad)
         };
         assert_eq!(resealed(4, &[2, 0]), Err(CompactRigError::Version(2)));
+        assert!(!Rig::from_bytes(&good).unwrap().allows_run_over());
+        assert!(resealed(6, &[1, 0]).unwrap().allows_run_over());
+        for options in [[2, 0], [3, 0], [0, 1], [0, 0x80]] {
+            let refused = resealed(6, &options);
+            assert!(matches!(refused, Err(CompactRigError::Invalid(RigError { field: "options", .. }))));
+        }
         let not_a_number = resealed(12, &f32::NAN.to_le_bytes());
         assert!(matches!(not_a_number, Err(CompactRigError::Invalid(RigError { field: "camera.fx", .. }))));
     }

@@ -5,7 +5,7 @@
 //! | offset | field |
 //! |---|---|
 //! | 0 | magic `NFST` |
-//! | 4 | version u16 (2) |
+//! | 4 | version u16 (3) |
 //! | 6 | source id u16 |
 //! | 8 | calibration id u32 (0 = none stored) |
 //! | 12 | firmware id u32 |
@@ -30,7 +30,8 @@
 //! | 164 | floor's offset and its rise from end to end: micrometres i32 each |
 //! | 172 | lowest object that is surely seen, where it is worst: micrometres i32 each |
 //! | 180 | permitted speed u8, per cent; zero u8, zero u16 |
-//! | 184 | CRC-32 (see [`crate::wire`]) of all before |
+//! | 184 | run-over permit: its first and last place micrometres i32 each, time left microseconds u32 (0 = no permit in use) |
+//! | 196 | CRC-32 (see [`crate::wire`]) of all before |
 //!
 //! The laser's level is not told: it is the secret that the light must echo.
 
@@ -47,9 +48,9 @@ use crate::wire::{self, Reader, Writer};
 /// `NFST`, little-endian.
 pub const STATUS_MAGIC: u32 = 0x5453_464E;
 /// Version of the format.
-pub const STATUS_VERSION: u16 = 2;
+pub const STATUS_VERSION: u16 = 3;
 /// Length of every status in bytes.
-pub const STATUS_LENGTH: usize = 188;
+pub const STATUS_LENGTH: usize = 200;
 /// Kinds of refused line-scans that are counted apart.
 pub const REFUSAL_KINDS: usize = 8;
 
@@ -60,6 +61,15 @@ pub struct Challenge {
     pub count: u16,
     /// Columns of the line-scan.
     pub columns: [u16; LARGEST_AUDIT_COUNT],
+}
+
+/// A run-over permit in use.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PermitInUse {
+    /// What has passed under it in the last frame, from end to end.
+    pub stretch: Gap,
+    /// Time until it ends.
+    pub time_left: Micros,
 }
 
 /// Everything that the MCU tells.
@@ -123,6 +133,8 @@ pub struct Status {
     pub trust: TrustFigures,
     /// The sensor's health.
     pub health: HealthFigures,
+    /// The run-over permit in use, if any.
+    pub run_over: Option<PermitInUse>,
 }
 
 /// Why a status was refused.
@@ -191,6 +203,10 @@ impl Status {
             writer.u16(column);
         }
         self.write_trust_and_health(&mut writer);
+        let permit = self.run_over;
+        writer.i32(permit.map_or(0, |permit| permit.stretch.start.to_micrometres()));
+        writer.i32(permit.map_or(0, |permit| permit.stretch.end.to_micrometres()));
+        writer.u32(permit.map_or(0, |permit| permit.time_left.to_wire()));
         wire::seal(&mut bytes);
         bytes
     }
@@ -236,6 +252,7 @@ impl Status {
         writer.i32(self.health.smallest_object.to_micrometres());
         writer.i32(self.health.smallest_object_place.to_micrometres());
         writer.u8(self.health.permitted_speed_percent);
+        writer.skip(3);
     }
 
     /// Reads a status from the beginning of what a transaction brought.
@@ -316,6 +333,7 @@ impl Status {
         };
         let failed_self_test = reader.u8()?;
         let (trust, health) = parse_trust_and_health(reader)?;
+        let run_over = parse_permit(reader)?;
         Some(Self {
             source,
             calibration,
@@ -346,7 +364,20 @@ impl Status {
             failed_self_test,
             trust,
             health,
+            run_over,
         })
+    }
+}
+
+fn parse_permit(reader: &mut Reader<'_>) -> Option<Option<PermitInUse>> {
+    let mut place = || reader.i32().map(Millimetres::from_micrometres);
+    let (start, end) = (place()?, place()?);
+    let time_left = Micros::new(u64::from(reader.u32()?));
+    let permit = PermitInUse { stretch: Gap { start, end }, time_left };
+    match (time_left == Micros::ZERO, start == Millimetres::ZERO && end == Millimetres::ZERO) {
+        (true, true) => Some(None),
+        (true, false) => None,
+        (false, _) => (start <= end).then_some(Some(permit)),
     }
 }
 
@@ -423,15 +454,19 @@ mod tests {
                 smallest_object_place: Millimetres::new(-100.0),
                 permitted_speed_percent: 50,
             },
+            run_over: Some(PermitInUse {
+                stretch: Gap::between(-20.5, 31.25),
+                time_left: Micros::new(0x5152_5354),
+            }),
         }
     }
 
     /// Frozen: a host in the field reads exactly these bytes. Do not change the test; add a version.
     #[test]
-    fn golden_bytes_of_version_2() {
+    fn golden_bytes_of_version_3() {
         #[rustfmt::skip]
         let head = [
-            b'N', b'F', b'S', b'T', 2, 0, 0x02, 0x01, 0x06, 0x05, 0x04, 0x03, 0x0A, 0x09, 0x08, 0x07,
+            b'N', b'F', b'S', b'T', 3, 0, 0x02, 0x01, 0x06, 0x05, 0x04, 0x03, 0x0A, 0x09, 0x08, 0x07,
             0x0E, 0x0D, 0x0C, 0x0B, 0x12, 0x11, 0x10, 0x0F, 0x1A, 0x19, 0x18, 0x17, 0x16, 0x15, 0x14, 0x13,
             0x55, 3, 1, 3, 1, 0, 0, 0, 0, 0, 8, 0, // state .. latched causes
             0x4C, 0x1D, 0, 0, 0x48, 0xF4, 0xFF, 0xFF, 0x94, 0x11, 0, 0, // gap 7500, -3000, 4500 um
@@ -446,14 +481,15 @@ mod tests {
             0xF0, 0x3C, 0x34, 0x33, 0x32, 0x31, 0x38, 0x37, 0x36, 0x35, 0x42, 0x41, 0x44, 0x43,
             0x48, 0x47, 0x46, 0x45, 0x4C, 0x4B, 0x4A, 0x49, // trust
             0xFA, 0, 0, 0, 0x83, 0xFF, 0xFF, 0xFF, 0xC4, 0x09, 0, 0, 0x60, 0x79, 0xFE, 0xFF, 50, 0, 0, 0, // health
+            0xEC, 0xAF, 0xFF, 0xFF, 0x12, 0x7A, 0, 0, 0x54, 0x53, 0x52, 0x51, // run-over permit
         ];
-        assert_eq!(bytes[124..184], tail);
-        assert_eq!(bytes[184..], GOLDEN_SEAL.to_le_bytes());
+        assert_eq!(bytes[124..196], tail);
+        assert_eq!(bytes[196..], GOLDEN_SEAL.to_le_bytes());
         assert!(wire::is_sealed(&bytes));
     }
 
     /// Computed bit by bit outside this project's code from the catalogue's parameters.
-    const GOLDEN_SEAL: u32 = 0xD01B_94CF;
+    const GOLDEN_SEAL: u32 = 0x2A1E_6AB0;
 
     #[test]
     fn what_was_encoded_is_what_is_read() {
@@ -467,6 +503,7 @@ mod tests {
             challenge: Challenge::default(),
             fault: None,
             failed_self_test: 0,
+            run_over: None,
             ..example()
         };
         assert_eq!(Status::parse(&quiet.to_bytes()), Ok(quiet));
@@ -507,8 +544,8 @@ mod tests {
         damaged[60] ^= 0x10;
         assert_eq!(Status::parse(&damaged).err(), Some(StatusError::Corrupted));
         assert_eq!(with(3, 0), Some(StatusError::Magic));
-        assert_eq!(with(4, 1), Some(StatusError::Version), "the version before this one");
-        assert_eq!(with(4, 3), Some(StatusError::Version));
+        assert_eq!(with(4, 2), Some(StatusError::Version), "the version before this one");
+        assert_eq!(with(4, 4), Some(StatusError::Version));
         for (offset, value) in [
             (32, 0x54),
             (33, 4),
@@ -521,10 +558,16 @@ mod tests {
             (181, 1),
             (182, 1),
             (183, 1),
+            (187, 0x7F),
         ] {
             assert_eq!(with(offset, value), Some(StatusError::Field), "offset {offset}");
         }
         assert_eq!(with(124, 8), None);
+        // A permit without time is none, and must say so whole.
+        let mut bytes = example().to_bytes();
+        bytes[192..196].fill(0);
+        wire::seal(&mut bytes);
+        assert_eq!(Status::parse(&bytes), Err(StatusError::Field));
     }
 
     proptest! {

@@ -4,10 +4,12 @@ use crate::columns::{Decimation, GeometryError};
 use crate::cutoff::is_floor;
 use crate::height::{Cluster, SizeClass};
 use crate::limits::{
-    FLOOR_TOLERANCE, IMMEDIATE_GAP, LARGE_HEIGHT, LARGEST_COLUMN_COUNT, LONGEST_ALLOWED_GAP, WEAKEST_SIGNAL,
+    FLOOR_TOLERANCE, IMMEDIATE_GAP, LARGE_HEIGHT, LARGEST_COLUMN_COUNT, LONGEST_ALLOWED_GAP, RUN_OVER_HEIGHT,
+    WEAKEST_SIGNAL,
 };
 use crate::monitor::{ColumnReading, StripeMonitor, StripeReport};
-use crate::rig::Rig;
+use crate::rig::{Rig, Stripe};
+use crate::run_over::{RunOverPermit, Stretch};
 use crate::testing::{height_rig, rig_of, side_rig};
 use crate::units::{Millimetres, SignalQuality};
 use proptest::prelude::*;
@@ -231,8 +233,12 @@ fn every_gap_is_told_with_its_place() {
     show(&mut monitor, &readings, 2);
     let mut gaps = Vec::new();
     let mut clusters: Vec<Cluster> = Vec::new();
-    let report =
-        monitor.update_with(readings.iter().copied(), |gap| gaps.push(gap), |cluster| clusters.push(cluster));
+    let report = monitor.update_with(
+        readings.iter().copied(),
+        &RunOverPermit::NONE,
+        |gap| gaps.push(gap),
+        |cluster| clusters.push(cluster),
+    );
     assert_eq!(gaps.len(), 2);
     for (gap, start, end) in [(gaps[0], -110.0, -90.0), (gaps[1], 40.0, 80.0)] {
         assert!((gap.start.get() - start).abs() < 1.0 && (gap.end.get() - end).abs() < 1.0, "{gap:?}");
@@ -360,4 +366,91 @@ proptest! {
         let report = monitor.update(rows.into_iter().map(|(row, quality)| ColumnReading { row, quality: SignalQuality::new(quality) }));
         prop_assert!(report.is_cut(), "one frame never fills the vote");
     }
+}
+
+/// A permit for one stretch.
+fn permit(start: i16, end: i16) -> RunOverPermit {
+    RunOverPermit { stretches: [None, Stretch::new(start, end), None, None] }
+}
+
+fn show_with(monitor: &mut Monitor, permit: &RunOverPermit, height_at: impl Fn(f32) -> f32) -> StripeReport {
+    let readings = scan(monitor, height_at);
+    let mut report = StripeReport::default();
+    for _ in 0..3 {
+        report = monitor.update_with(readings.iter().copied(), permit, |_| {}, |_| {});
+    }
+    report
+}
+
+/// Rigs whose places rise with the column, and fall: the second one's stripe is told from its other end.
+fn both_ways() -> [Rig; 2] {
+    let rig = height_rig();
+    let stripe = *rig.stripe();
+    let told =
+        Stripe { direction: stripe.direction.scaled(-1.0), start: -stripe.end, end: -stripe.start, ..stripe };
+    let rigs = [rig, Rig::new(rig.image(), *rig.camera(), *rig.laser(), told).unwrap()];
+    let directions = rigs.map(|rig| {
+        let monitor = monitor(&rig);
+        let maps = monitor.geometry().maps();
+        maps.first().unwrap().floor_place < maps.last().unwrap().floor_place
+    });
+    assert_ne!(directions[0], directions[1], "the tests need both");
+    rigs
+}
+
+#[test]
+fn under_a_permit_low_columns_pass_and_only_there() {
+    let limit = RUN_OVER_HEIGHT.get();
+    for rig in both_ways() {
+        let mut monitor = monitor(&rig);
+        let raised = |height: f32| move |s: f32| if (0.0..60.0).contains(&s) { height } else { 0.0 };
+        for (height, passes) in [(limit - 0.5, true), (limit + 0.5, false), (-3.0, false), (f32::NAN, false)]
+        {
+            let report = show_with(&mut monitor, &permit(-10, 70), raised(height));
+            assert_eq!(!report.is_cut(), passes, "{height}");
+            assert_eq!(report.passed.is_some(), passes, "{height}");
+        }
+        let report = show_with(&mut monitor, &permit(-10, 70), raised(20.0));
+        let passed = report.passed.unwrap();
+        assert!(
+            passed.start.get() >= 0.0 && passed.end.get() <= 60.0 && passed.length().get() > 50.0,
+            "{passed:?}"
+        );
+        assert!((report.heights.highest.unwrap().height.get() - 20.0).abs() < 0.5, "tier 2 sees what passes");
+        for elsewhere in
+            [permit(-10, 30), permit(30, 70), permit(100, 200), permit(-300, -100), RunOverPermit::NONE]
+        {
+            assert!(show_with(&mut monitor, &elsewhere, raised(20.0)).is_cut(), "{elsewhere:?}");
+        }
+        let two = RunOverPermit { stretches: [Stretch::new(-10, 30), None, None, Stretch::new(25, 70)] };
+        assert_eq!(show_with(&mut monitor, &two, raised(20.0)).passed, Some(passed), "pieces add up");
+    }
+}
+
+#[test]
+fn a_permit_hides_no_gap_in_its_stretch() {
+    for rig in both_ways() {
+        let mut monitor = monitor(&rig);
+        // Low debris with a stretch without stripe in it: unknown is never floor.
+        for (unknown, cut) in [(3.0, false), (12.0, true)] {
+            let report = show_with(&mut monitor, &permit(-10, 70), |s| {
+                let hidden = (s - 30.0).abs() < unknown / 2.0;
+                if hidden {
+                    f32::NAN
+                } else if (0.0..60.0).contains(&s) {
+                    15.0
+                } else {
+                    0.0
+                }
+            });
+            assert_eq!(report.is_cut(), cut, "{unknown} mm");
+        }
+    }
+}
+
+#[test]
+fn a_permit_over_no_rig_passes_nothing() {
+    let mut monitor = Box::new(Monitor::new());
+    let report = monitor.update_with(core::iter::empty(), &permit(-100, 100), |_| {}, |_| {});
+    assert!(report.is_cut() && report.passed.is_none());
 }

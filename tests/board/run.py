@@ -56,6 +56,8 @@ class Bench:
         if self._ask("store", 1)[0] != "ServiceKeyOpen":
             raise Failed("a rig is taken without the service key")
         robot.key = True
+        # The key's pin is read at ticks, every 5 ms.
+        robot.run(0.02)
         for number, request in ((2, "store"), (3, "candidate"), (4, "acknowledge")):
             result, data = self._ask(request, number)
             if result != "Done" or (request == "candidate" and data != self.host.rig):

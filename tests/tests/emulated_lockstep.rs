@@ -3,7 +3,9 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "the helpers of tests may fail them")]
 
 use nearfield_host::link::{Emulated, FrameFacts, McuSession};
+use nearfield_shared::action::Category;
 use nearfield_shared::linescan::{HostVerdict, LINE_SCAN_LENGTH, LineScanColumn};
+use nearfield_shared::run_over::{Claim, Claims, NO_CLAIMS, Stretch};
 use nearfield_shared::units::Micros;
 use nearfield_shared::wire::{SEAL_LENGTH, checksum};
 use nearfield_tests::emulator::without_emulator;
@@ -57,7 +59,8 @@ fn emulated_and_in_process_controllers_answer_the_same_bytes() {
         Err(error) => return without_emulator(&error),
     };
     println!("seed {SEED}");
-    let stage = Stage::new();
+    let mut stage = Stage::new();
+    stage.rig = stage.rig.with_run_over(true);
     let pair = SharedPair::new(Pair::new(emulated));
     let mut session = McuSession::start(Box::new(pair.clone()), &stage.rig).unwrap();
     let mut random = Random::new(SEED);
@@ -84,10 +87,25 @@ fn emulated_and_in_process_controllers_answer_the_same_bytes() {
     assert_eq!(pair.digest(), GOLDEN_DIGEST);
 }
 
+/// Claims that change every two seconds: none, debris here or there, somebody beside it.
+fn claims(now: Micros) -> Claims {
+    let claim = |start: i16, category| {
+        let stretch = Stretch::new(start, start + 90)?;
+        Some(Claim { stretch, category, confidence: 240, age: Micros::from_millis(80) })
+    };
+    match now.get() / 2_000_000 % 5 {
+        0 => NO_CLAIMS,
+        1 => [claim(-200, Category::Tool), claim(100, Category::Material), None, None],
+        2 => [claim(-50, Category::Tool), None, None, claim(250, Category::Human)],
+        3 => [claim(-50, Category::Material), claim(60, Category::Tool), None, None],
+        _ => [claim(-100, Category::Tool), claim(150, Category::Vehicle), None, None],
+    }
+}
+
 /// The frame's message: mostly a good one, now and then nothing or a broken one.
 fn message(session: &mut McuSession, columns: &[LineScanColumn], random: &mut Random) -> Option<Vec<u8>> {
     let fault = below(random, 300);
-    let mut facts = FrameFacts::default();
+    let mut facts = FrameFacts { claims: claims(session.now()), ..FrameFacts::default() };
     match fault {
         0 => return None,
         1 => facts.verdict = HostVerdict::Stop,
@@ -104,7 +122,7 @@ fn message(session: &mut McuSession, columns: &[LineScanColumn], random: &mut Ra
         // Another module, an older status, light that does not fit, no audit windows: each with a good seal.
         4 => bytes[6] ^= 3,
         5 => bytes[24] = bytes[24].wrapping_sub(5),
-        6 => bytes[3492..3620].fill(0x50),
+        6 => bytes[3524..3652].fill(0x50),
         7 => bytes[32] = 0,
         8 => {
             bytes[below(random, LINE_SCAN_LENGTH as u64) as usize] ^= 4;

@@ -5,12 +5,14 @@
 use nearfield_firmware::lockstep::{Request, RequestHeader, SimulatedSelfTest, SimulatedTick};
 use nearfield_firmware::selftest::SelfTestKind;
 use nearfield_host::link::{InProcess, McuSession};
+use nearfield_shared::action::Category;
 use nearfield_shared::audit::first_row_for;
 use nearfield_shared::causes::{StopCause, StopCauses};
 use nearfield_shared::light::BrightnessProfile;
 use nearfield_shared::linescan::{
     AUDIT_PIXELS, AuditWindow, HostVerdict, LINE_SCAN_LENGTH, LineScanColumn, LineScanHeader, encode,
 };
+use nearfield_shared::run_over::{Claim, Stretch};
 use nearfield_shared::service::{
     Demand, FaultEntry, FaultEvent, NO_PAGE, PageHeader, PowerCycle, ResultCode, encode_page, encode_request,
 };
@@ -166,6 +168,12 @@ fn honest_inputs() -> Vec<(&'static str, String, Vec<u8>)> {
 }
 
 fn line_scan(columns: usize, audits: usize, verdict: HostVerdict) -> Vec<u8> {
+    let claim = Claim {
+        stretch: Stretch::new(-20, 30).unwrap(),
+        category: Category::Tool,
+        confidence: 240,
+        age: Micros::from_millis(60),
+    };
     let header = LineScanHeader {
         source: SourceId::new(1),
         calibration: CalibrationId::new(0x1234_5678),
@@ -176,6 +184,7 @@ fn line_scan(columns: usize, audits: usize, verdict: HostVerdict) -> Vec<u8> {
         verdict,
         ambient: 90,
         saturated: 10,
+        claims: [Some(claim), None, None, None],
     };
     let row = |column: usize| 400.0 + f32::from(u16::try_from(column).unwrap()) / 16.0;
     let columns: Vec<_> = (0..columns)

@@ -8,6 +8,8 @@
 mod findings;
 mod io;
 #[cfg(test)]
+mod run_over_tests;
+#[cfg(test)]
 mod tests;
 
 pub use findings::Findings;
@@ -26,6 +28,7 @@ use crate::liveness::{Exposed, Liveness};
 use crate::map_check::MapCheck;
 use crate::output_test::{Channel, OutputTest};
 use crate::relay::{MirrorContacts, Relays};
+use crate::run_over::RunOver;
 use crate::secret::Secret;
 use crate::selftest::{SelfTestKind, Verdict};
 use crate::supervisor::{self, Inputs, State};
@@ -35,12 +38,15 @@ use nearfield_shared::columns::Decimation;
 use nearfield_shared::cutoff::Cutoff;
 use nearfield_shared::height::Heights;
 use nearfield_shared::limits::{
-    LARGEST_COLUMN_COUNT, LONGEST_CAPTURE_AGE, LONGEST_MESSAGE_AGE, WARNING_AMBIENT, WARNING_SATURATED,
+    LARGEST_COLUMN_COUNT, LONGEST_CAPTURE_AGE, LONGEST_MESSAGE_AGE, REDUCED_SPEED_PERCENT, WARNING_AMBIENT,
+    WARNING_SATURATED,
 };
 use nearfield_shared::linescan::{HostVerdict, LineScanHeader};
 use nearfield_shared::monitor::{StripeMonitor, StripeReport};
 use nearfield_shared::rig::Rig;
-use nearfield_shared::status::{ResetCause, STATUS_LENGTH, StateCode, Status, TrustFigures, Warnings};
+use nearfield_shared::status::{
+    HealthFigures, ResetCause, STATUS_LENGTH, StateCode, Status, TrustFigures, Warnings,
+};
 use nearfield_shared::units::{CalibrationId, Micros, Millimetres, SourceId};
 
 /// Names this firmware in its status: major, minor (one byte each) and patch version (two bytes).
@@ -66,6 +72,7 @@ const UNSEEN: StripeReport = StripeReport {
     heights: Heights { highest: None, lowest: None, longest_unknown: Millimetres::ZERO },
     large: false,
     watched_columns: 0,
+    passed: None,
 };
 
 /// The stripe monitor at the line-scan's size, about 37 KB.
@@ -107,6 +114,7 @@ pub struct SafetyController<M> {
     health: Health,
     health_report: HealthReport,
     dark: DarkTest,
+    run_over: RunOver,
     surroundings: Surroundings,
     report: StripeReport,
     evidence: Option<Evidence>,
@@ -150,6 +158,7 @@ impl<M: BorrowMut<LineScanMonitor>> SafetyController<M> {
             health: Health::new(),
             health_report: HealthReport::UNSEEN,
             dark: DarkTest::new(),
+            run_over: RunOver::new(false),
             surroundings: Surroundings::UNSEEN,
             report: UNSEEN,
             evidence: None,
@@ -183,6 +192,7 @@ impl<M: BorrowMut<LineScanMonitor>> SafetyController<M> {
     pub fn start(&mut self, inputs: &StartInputs<'_>) -> Result<(), ConfigurationError> {
         self.calibration = None;
         self.map_check = MapCheck::empty();
+        self.run_over = RunOver::new(false);
         let configured = self.configure(inputs.stored_rig);
         let columns = self.monitor.borrow().geometry().column_count();
         self.receiver = Receiver::new(self.source, self.calibration, columns);
@@ -223,6 +233,7 @@ impl<M: BorrowMut<LineScanMonitor>> SafetyController<M> {
         let decimation = Decimation::for_line_scan(rig.image().width);
         self.monitor.borrow_mut().configure(&rig, decimation).map_err(ConfigurationError::Geometry)?;
         self.calibration = Some(rig.calibration_id());
+        self.run_over = RunOver::new(rig.allows_run_over());
         self.map_check = MapCheck::of(self.monitor.borrow().geometry());
         Ok(())
     }
@@ -310,8 +321,11 @@ impl<M: BorrowMut<LineScanMonitor>> SafetyController<M> {
             self.judge.reset();
             self.liveness.forget();
             self.auditor.forget();
+            self.run_over.forget();
         }
-        self.report = self.monitor.borrow_mut().update(scan.readings());
+        let permit = self.run_over.permit(now, self.state == State::Running, &header.claims);
+        self.report = self.monitor.borrow_mut().update_with(scan.readings(), &permit, |_| {}, |_| {});
+        self.run_over.observe(now, &self.report);
         // When the picture was taken, by the host's word: the light itself shows whether that is true.
         let exposed = Exposed { middle: now.since(header.capture_age), length: header.exposure };
         self.liveness.observe(now, exposed, &scan.brightness(), self.laser.history());
@@ -323,7 +337,8 @@ impl<M: BorrowMut<LineScanMonitor>> SafetyController<M> {
         let challenge =
             audit::challenge(self.laser.secret(), header.last_status, &monitor.geometry().watched());
         self.auditor.judge(scan, &challenge);
-        if !dark {
+        // A column that has passed shows no floor.
+        if !dark && self.report.passed.is_none() {
             self.health.observe(monitor.heights(), monitor.geometry().maps());
         }
         self.health_report = self.health.report();
@@ -370,6 +385,7 @@ impl<M: BorrowMut<LineScanMonitor>> SafetyController<M> {
             .with_all(self.button.words())
             .with_all(self.health.words())
             .with_all(self.map_check.words())
+            .with_all(self.run_over.words())
             .with(self.judge.word())
             .with(self.dark.word())
             .with(time(self.flow.last_begin()))
@@ -406,6 +422,17 @@ impl<M: BorrowMut<LineScanMonitor>> SafetyController<M> {
             .with_if(Warnings::HOST, seen.host_warns)
             .with_if(Warnings::STRIPE, !cut && self.report.cutoff.voted.is_some())
             .with_if(Warnings::LINK, self.link_warning)
+            .with_if(Warnings::RUN_OVER, self.report.passed.is_some())
+    }
+
+    /// The sensor's health; what passes under a run-over permit is passed slowly.
+    fn health_figures(&self) -> HealthFigures {
+        let figures = self.health_report.figures;
+        let permitted = match self.report.passed {
+            Some(_) => figures.permitted_speed_percent.min(REDUCED_SPEED_PERCENT),
+            None => figures.permitted_speed_percent,
+        };
+        HealthFigures { permitted_speed_percent: permitted, ..figures }
     }
 
     /// The status to send in the next exchange. Its number moves on with [`Self::on_exchange`].
@@ -455,7 +482,8 @@ impl<M: BorrowMut<LineScanMonitor>> SafetyController<M> {
                 audits_confirmed,
                 audits_contradicted,
             },
-            health: self.health_report.figures,
+            health: self.health_figures(),
+            run_over: self.run_over.in_use(now, self.report.passed),
         }
         .to_bytes()
     }

@@ -17,6 +17,7 @@ use nearfield_shared::linescan::{
 };
 use nearfield_shared::monitor::StripeMonitor;
 use nearfield_shared::rig::{ImageSize, Rig, Stripe};
+use nearfield_shared::run_over::NO_CLAIMS;
 use nearfield_shared::service::{ExchangeKind, FaultEvent, PAGE_OFFSET, Request, Summary};
 use nearfield_shared::units::{Micros, SequenceNumber, SignalQuality, SourceId, SubpixelRow};
 
@@ -189,6 +190,7 @@ fn line_scan(
         verdict: step.verdict,
         ambient: 0,
         saturated: 0,
+        claims: NO_CLAIMS,
     };
     let columns: Vec<_> = (0..640)
         .map(|column| {

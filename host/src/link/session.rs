@@ -10,6 +10,7 @@ use crate::light::LightReport;
 use nearfield_shared::limits::{SHORTEST_RESET_PRESS, TICK_PERIOD};
 use nearfield_shared::linescan::{HostVerdict, LINE_SCAN_LENGTH, LineScanColumn, LineScanHeader, encode};
 use nearfield_shared::rig::Rig;
+use nearfield_shared::run_over::{Claims, NO_CLAIMS};
 use nearfield_shared::service::PageBytes;
 use nearfield_shared::status::{Challenge, Status};
 use nearfield_shared::units::{CalibrationId, Micros, SequenceNumber};
@@ -31,6 +32,8 @@ pub struct FrameFacts {
     pub exposure: Micros,
     /// What the host makes of the scene.
     pub verdict: HostVerdict,
+    /// What tier 3 says lies on the stripe.
+    pub claims: Claims,
 }
 
 impl Default for FrameFacts {
@@ -40,6 +43,7 @@ impl Default for FrameFacts {
             capture_age: Micros::from_millis(25),
             exposure: Micros::from_millis(4),
             verdict: HostVerdict::Clear,
+            claims: NO_CLAIMS,
         }
     }
 }
@@ -139,6 +143,7 @@ impl McuSession {
             verdict: facts.verdict,
             ambient: 0,
             saturated: 0,
+            claims: facts.claims,
         }
     }
 

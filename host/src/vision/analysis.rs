@@ -9,6 +9,7 @@ use nearfield_shared::height::SizeClass;
 use nearfield_shared::limits::{SHORTEST_STRIPE_MM, VOTE_FRAMES, WEAKEST_SIGNAL};
 use nearfield_shared::monitor::{StripeMonitor, StripeReport};
 use nearfield_shared::rig::{Rig, Stripe};
+use nearfield_shared::run_over::RunOverPermit;
 use nearfield_shared::units::Millimetres;
 
 use super::extractor::{Extractor, ForeignFrame, OffFloorPoint};
@@ -109,8 +110,12 @@ impl Analyser {
     fn evaluate(&mut self) {
         self.gaps.clear();
         let gaps = &mut self.gaps;
-        self.report =
-            self.monitor.update_with(self.extractor.readings().iter().copied(), |gap| gaps.push(gap), |_| {});
+        self.report = self.monitor.update_with(
+            self.extractor.readings().iter().copied(),
+            &RunOverPermit::NONE,
+            |gap| gaps.push(gap),
+            |_| {},
+        );
         self.gaps.sort_unstable_by(|one, other| one.start.get().total_cmp(&other.start.get()));
         self.collect_objects();
     }

@@ -325,6 +325,7 @@ fn a_summary_takes_what_decides_from_the_monitors_report() {
         },
         large: false,
         watched_columns: 12,
+        passed: None,
     };
     let one = Summary::new(Micros::ZERO, StateCode::Running, ExchangeKind::Accepted).with_report(&report);
     assert_eq!(one.voted_gap, Some(Millimetres::new(7.0)));

@@ -39,6 +39,7 @@ mod proof {
     use nearfield_shared::linescan::{self, AuditWindow, LINE_SCAN_LENGTH, LineScan, LineScanColumn};
     use nearfield_shared::monitor::StripeMonitor;
     use nearfield_shared::rig::{COMPACT_LENGTH, Rig};
+    use nearfield_shared::run_over::RunOverPermit;
     use nearfield_shared::service::{
         FAULT_ENTRY_LENGTH, NO_PAGE, PAGE_LENGTH, Page, Request as ServiceRequest, StopIndex, encode_request,
     };
@@ -189,7 +190,9 @@ mod proof {
         }
         let message = MESSAGE.look();
         if let Ok(scan) = LineScan::parse(message) {
-            let report = monitor.update(scan.readings());
+            let claim = scan.header().claims.iter().flatten().next();
+            let permit = RunOverPermit { stretches: [claim.map(|claim| claim.stretch), None, None, None] };
+            let report = monitor.update_with(scan.readings(), &permit, |_| {}, |_| {});
             sink(report.is_cut() || report.is_stripe_missing() || report.size() == Some(SizeClass::Unknown));
         }
         let size = SizeClass::of(Millimetres::new(nearfield_shared::units::narrow(NUMBER.read())));

@@ -56,6 +56,10 @@ pub enum Fault {
     Cable,
     /// A foot of 100 mm.
     Foot,
+    /// A foot of 100 mm that the host claims to be debris.
+    FalseClaims,
+    /// Debris that is claimed as such, lies low, and stays.
+    StayingDebris,
     /// The floor drops by 20 mm over 150 mm.
     Drop,
     /// The mount has moved: the floor seems 1.3 mm higher.
@@ -82,7 +86,7 @@ pub enum Fault {
 
 impl Fault {
     /// All of them.
-    pub const ALL: [Self; 52] = [
+    pub const ALL: [Self; 54] = [
         Self::BitFlips,
         Self::Truncation,
         Self::Garbage,
@@ -108,6 +112,8 @@ impl Fault {
         Self::NoAudit,
         Self::Cable,
         Self::Foot,
+        Self::FalseClaims,
+        Self::StayingDebris,
         Self::Drop,
         Self::MovedMount,
         Self::WeldedA,
@@ -159,10 +165,13 @@ impl Fault {
             | Self::CoveredLens
             | Self::DeadLaser
             | Self::Foot
+            | Self::FalseClaims
             | Self::NoAudit
             | Self::ShiftedRows => 25,
             // The vote over three frames.
             Self::Cable | Self::Drop => 65,
+            // Three frames until it lies there, the permit's longest time, a frame.
+            Self::StayingDebris => 1_105,
             // Two changes of the laser's code (160), the ages of picture and message (110), a frame.
             Self::FrozenPicture | Self::SyntheticFloor | Self::StuckLaserDrive => 290,
             // Chance: each change finds a wrong code by one half, twelve times a second (see `liveness`).

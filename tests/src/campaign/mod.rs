@@ -3,6 +3,7 @@
 //!
 //! `cargo xtask campaign` runs a million frames and more; `tests/tests/fault_matrix.rs` a part of it in every test run.
 
+mod claims;
 mod fault;
 mod stage_hand;
 

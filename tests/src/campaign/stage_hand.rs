@@ -1,6 +1,7 @@
 //! Plays frames to a controller while faults are active, as host, camera, laser, relays and people.
 
 use super::Fault;
+use super::claims::{DEBRIS, DEBRIS_HEIGHT, LEAD_FRAMES, claims_under};
 use crate::oracle::Random;
 use crate::stage::Stage;
 use nearfield_host::light::LightReport;
@@ -25,6 +26,7 @@ pub struct Scenes {
     foot: Vec<LineScanColumn>,
     drop: Vec<LineScanColumn>,
     moved: Vec<LineScanColumn>,
+    debris: Vec<LineScanColumn>,
     object: Vec<LineScanColumn>,
     nothing: Vec<LineScanColumn>,
 }
@@ -39,6 +41,7 @@ impl Scenes {
             foot: stage.with_object(-50.0, 50.0, Some(90.0)),
             drop: stage.with_object(50.0, 200.0, Some(-20.0)),
             moved: stage.profile(|_| Some(1.3)),
+            debris: stage.with_object(f32::from(DEBRIS.0), f32::from(DEBRIS.1), Some(DEBRIS_HEIGHT)),
             object: stage.with_object(-30.0, 30.0, Some(40.0)),
             nothing: stage.profile(|_| None),
         }
@@ -122,6 +125,8 @@ pub struct Stagehand<'a> {
     recorded: VecDeque<Shot<'a>>,
     frozen: Option<Shot<'a>>,
     last_message: Option<Vec<u8>>,
+    /// Frames until the debris lies on the stripe.
+    debris_lead: usize,
     frames: u64,
     seed: u64,
     lives: u64,
@@ -158,6 +163,7 @@ impl<'a> Stagehand<'a> {
             recorded: VecDeque::new(),
             frozen: None,
             last_message: None,
+            debris_lead: 0,
             frames: 0,
             seed,
             lives: 1,
@@ -272,6 +278,7 @@ impl<'a> Stagehand<'a> {
             Fault::StuckButton => self.session.hold_reset(Micros::from_millis(1 << 40)),
             Fault::Hang => self.session.hang()?,
             Fault::LateTick => self.session.stall(Micros::from_millis(16)),
+            Fault::StayingDebris => self.debris_lead = LEAD_FRAMES,
             Fault::FrozenPicture => self.frozen = self.recorded.back().copied(),
             _ => {}
         }
@@ -310,6 +317,7 @@ impl<'a> Stagehand<'a> {
             capture_age: Micros::new(22_000 + self.below(6_000)),
             exposure: Micros::new(1_000 + self.below(6_000)),
             verdict: HostVerdict::Clear,
+            claims: claims_under(&self.active),
         };
         let shot = self.shoot(facts);
         if self.is_on(Fault::HostStop) {
@@ -330,7 +338,10 @@ impl<'a> Stagehand<'a> {
     /// What the camera delivers.
     fn shoot(&mut self, facts: FrameFacts) -> Shot<'a> {
         let scenes = self.scenes;
-        let scene = if self.is_on(Fault::Foot) || self.is_on(Fault::WeldedA) || self.is_on(Fault::WeldedB) {
+        let lead = self.debris_lead;
+        self.debris_lead = lead.saturating_sub(1);
+        let with_foot = [Fault::Foot, Fault::FalseClaims, Fault::WeldedA, Fault::WeldedB];
+        let scene = if with_foot.into_iter().any(|fault| self.is_on(fault)) {
             &scenes.foot
         } else if self.is_on(Fault::InventedFloor) {
             &scenes.object
@@ -340,6 +351,8 @@ impl<'a> Stagehand<'a> {
             &scenes.drop
         } else if self.is_on(Fault::MovedMount) {
             &scenes.moved
+        } else if self.is_on(Fault::StayingDebris) && lead == 0 {
+            &scenes.debris
         } else {
             &scenes.floor
         };
@@ -458,6 +471,7 @@ fn power_up(
     let mut secret = [0; SECRET_LENGTH];
     secret.fill_with(|| random.bits() as u8);
     let noting = Noting { inner, command: Rc::clone(command) };
-    let rig = &stage.rig;
+    // The most permissive configuration: run-over is allowed.
+    let rig = stage.rig.with_run_over(true);
     McuSession::start_with_secret(Box::new(noting), &rig.to_bytes(), rig.calibration_id(), secret)
 }

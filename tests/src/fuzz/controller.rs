@@ -28,6 +28,7 @@ use nearfield_shared::linescan::{
     AUDIT_PIXELS, AuditWindow, HostVerdict, LINE_SCAN_LENGTH, LineScanColumn, LineScanHeader, encode,
 };
 use nearfield_shared::rig::{ImageSize, Rig, Stripe};
+use nearfield_shared::run_over::NO_CLAIMS;
 use nearfield_shared::status::{Channels, ResetCause, StateCode, Status};
 use nearfield_shared::units::{Micros, SequenceNumber, SignalQuality, SourceId, SubpixelRow};
 
@@ -293,6 +294,7 @@ impl Bench {
             },
             ambient: 90,
             saturated: 10,
+            claims: NO_CLAIMS,
         };
         let row = |column: u16| {
             let map = self.geometry.map(usize::from(column))?;

@@ -28,6 +28,7 @@ use nearfield_shared::linescan::{
     AUDIT_PIXELS, AuditWindow, HostVerdict, LINE_SCAN_LENGTH, LineScanColumn, LineScanHeader, encode,
 };
 use nearfield_shared::rig::{ImageSize, Rig, Stripe};
+use nearfield_shared::run_over::NO_CLAIMS;
 use nearfield_shared::service::{Demand, Page, encode_request};
 use nearfield_shared::status::{Challenge, FaultCode, STATUS_LENGTH, Status};
 use nearfield_shared::units::{Micros, SequenceNumber, SignalQuality, SourceId, SubpixelRow};
@@ -129,6 +130,7 @@ impl Host {
             verdict: picture.verdict,
             ambient: 90,
             saturated: 10,
+            claims: NO_CLAIMS,
         };
         // A laser that is off draws no stripe.
         let height = picture.height.filter(|_| picture.light > 0);
