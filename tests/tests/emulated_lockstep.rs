@@ -17,7 +17,7 @@ const SEED: u64 = 20_260_402;
 const SCANS: u32 = 10_000;
 /// FNV-1a over all replies of the run. A change here is a change of what the controller answers: find out why
 /// before you renew it.
-const GOLDEN_DIGEST: u64 = 0x62A7_52C6_24A4_5B57;
+const GOLDEN_DIGEST: u64 = 0xF32C_439A_8DE3_9F50;
 
 /// Uniform in `0..limit`.
 fn below(random: &mut Random, limit: u64) -> u64 {
