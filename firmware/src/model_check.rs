@@ -242,6 +242,7 @@ fn recovers(model: &Model) -> bool {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "more than a million steps")]
 fn every_reachable_state_keeps_the_rules() {
     let worlds = worlds();
     let mut seen: HashMap<[u64; 7], ()> = HashMap::from([(Model::START.key(), ())]);

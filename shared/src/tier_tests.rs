@@ -113,6 +113,7 @@ fn a_signal_weaker_than_the_limit_is_no_stripe() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "thousands of line-scans")]
 fn five_millimetres_are_found_everywhere_and_less_than_two_columns_short_of_it_is_not() {
     for rig in [height_rig(), side_rig()] {
         let mut monitor = monitor(&rig);

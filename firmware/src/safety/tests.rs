@@ -228,6 +228,7 @@ fn a_stuck_driver_locks_out() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "hundreds of controllers or frames")]
 fn a_failed_self_test_locks_out_and_is_named() {
     for kind in SelfTestKind::ALL {
         let mut bench = Bench::after(ResetCause::PowerOn);
@@ -263,6 +264,7 @@ fn a_controller_that_was_never_started_locks_itself_out() {
 
 /// Any change of a field that permission rests on, between two calls, locks out with the next tick.
 #[test]
+#[cfg_attr(miri, ignore = "hundreds of controllers or frames")]
 fn damaged_memory_locks_out() {
     type Damage = fn(&mut SafetyController<Box<LineScanMonitor>>);
     let damages: [(&str, Damage); 14] = [
@@ -328,6 +330,7 @@ fn the_surroundings_warn_at_their_limits() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "hundreds of controllers or frames")]
 fn a_sensor_that_has_moved_warns_and_then_stops() {
     let after = |height: f32| {
         let mut bench = Bench::after(ResetCause::PowerOn);

@@ -252,6 +252,7 @@ mod tests {
     /// Distance 4 at the longest image: no codeword of weight 1, 2 or 3. Odd weights cannot be, since the polynomial
     /// has the factor x + 1 (an even number of terms); weight 2 would be x^i = 1 for some i up to the length.
     #[test]
+    #[cfg_attr(miri, ignore = "millions of steps")]
     fn any_three_wrong_bits_of_the_longest_image_are_found() {
         assert_eq!((ALGORITHM.poly.count_ones() + 1) % 2, 0, "x + 1 divides the polynomial");
         let bits = LONGEST_IMAGE * 8 + 32;

@@ -14,6 +14,7 @@ mod panic_free;
 mod run;
 mod seeded_faults;
 mod setup;
+mod slow_tests;
 mod tools;
 
 use anyhow::{Result, bail};
@@ -46,7 +47,8 @@ Tests of the tests, at length; their figures are in tests/RIGOR.md. Missing tool
                          reached nor excused in tests/coverage.toml (--html for a report)
   cargo xtask mutants    changes the safety core a line at a time; a test must notice each change
                          (--group NAME, --file NAME, --resume, --jobs N)
-  cargo xtask seeded-faults  known faults put into the safety core; the tests must notice each (--only NAME)
+  cargo xtask seeded-faults  known faults put into the safety core; the tests must notice each
+                         (--only NAME, --from NUMBER)
   cargo xtask fuzz       parsers and controller under libFuzzer on nightly (TARGET, --seconds N)
   cargo xtask miri       the safety core's unit tests under miri on nightly
   cargo xtask audit      licences, bans and sources of all dependencies (--advisories: also known vulnerabilities)

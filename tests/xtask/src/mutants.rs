@@ -6,6 +6,7 @@
 //! A run is made in two passes: quickly, without the few slow tests; and with every test for what survived that.
 
 use crate::run::{self, Step};
+use crate::slow_tests;
 use crate::tools::{self, option};
 use anyhow::{Context as _, Result, bail};
 use std::collections::{BTreeMap, BTreeSet};
@@ -92,28 +93,6 @@ const GROUPS: [Group; 6] = [
     },
 ];
 
-/// Tests that take most of the unit tests' time and judge few mutants: left out at first, never for a survivor.
-const SLOW_TESTS: [(&str, &[&str]); 2] = [
-    (
-        "nearfield-firmware",
-        &[
-            "model_check::every_reachable_state_keeps_the_rules",
-            "safety::tests::damaged_memory_locks_out",
-            "store::tests::a_power_cut_at_any_byte_costs_at_most_the_entry_that_was_being_written",
-            "store::tests::a_power_cut_at_any_byte_leaves_the_old_rig_or_the_new_one",
-            "store::tests::a_second_power_cut_after_the_first_leaves_a_whole_rig_too",
-        ],
-    ),
-    (
-        "nearfield-shared",
-        &[
-            "tier_tests::losing_columns_never_heals_a_cut",
-            "tier_tests::no_reading_panics",
-            "wire::tests::every_pattern_of_up_to_five_wrong_bits_is_found",
-        ],
-    ),
-];
-
 /// How a run judges its mutants.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Pass {
@@ -196,10 +175,8 @@ impl Group {
         // Only the package's own unit tests judge: a mutant must be caught beside the code, not by chance elsewhere.
         arguments.extend(["--", "--lib"]);
         if pass == Pass::Quick {
-            let slow = SLOW_TESTS.iter().find(|(package, _)| *package == self.package);
             arguments.push("--");
-            arguments
-                .extend(slow.into_iter().flat_map(|(_, tests)| *tests).flat_map(|test| ["--skip", *test]));
+            arguments.extend(slow_tests::left_out(self.package));
         }
         let optimisation = if pass == Pass::Quick { "0" } else { "1" };
         // Exit code 2 = survivors, 3 = time-outs: told from the verdicts.
@@ -358,34 +335,6 @@ mod tests {
         std::fs::remove_dir_all(&output)?;
         assert_eq!((first.caught, first.survived.len(), first.open()), (1, 2, 3));
         assert_eq!((second.caught, second.survived, second.total), (2, vec!["c".to_owned()], 4));
-        Ok(())
-    }
-
-    /// A slow test that is renamed would be run again unnoticed; one that is misspelt never left out.
-    #[test]
-    fn the_slow_tests_exist() -> Result<()> {
-        for (package, tests) in SLOW_TESTS {
-            let mut files = Vec::new();
-            let room = run::root().join(package.trim_start_matches("nearfield-")).join("src");
-            every_file(&room, &mut files)?;
-            for test in tests {
-                let name = test.rsplit("::").next().unwrap_or(test);
-                let function = format!("fn {name}(");
-                assert!(files.iter().any(|source| source.contains(&function)), "{package}: {test}");
-            }
-        }
-        Ok(())
-    }
-
-    fn every_file(folder: &Path, sources: &mut Vec<String>) -> Result<()> {
-        for entry in std::fs::read_dir(folder)? {
-            let path = entry?.path();
-            if path.is_dir() {
-                every_file(&path, sources)?;
-            } else {
-                sources.push(std::fs::read_to_string(&path)?);
-            }
-        }
         Ok(())
     }
 

@@ -4,6 +4,7 @@
 //! that is not there exactly once is an error: a list that no longer fits proves nothing.
 
 use crate::run::{self, Step};
+use crate::slow_tests;
 use crate::tools::option;
 use anyhow::{Context as _, Result, bail};
 use serde::Deserialize;
@@ -39,23 +40,26 @@ pub fn check(rest: &[String]) -> Result<()> {
     let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
     let list: SeededFaults = toml::from_str(&text).with_context(|| path.display().to_string())?;
     let only = option(rest, "--only")?;
-    let faults: Vec<_> =
-        list.fault.iter().filter(|fault| only.is_none_or(|only| fault.name.contains(only))).collect();
+    let from: usize = option(rest, "--from")?.unwrap_or("1").parse().context("--from")?;
+    let faults: Vec<_> = (1..)
+        .zip(&list.fault)
+        .filter(|(number, fault)| *number >= from && only.is_none_or(|only| fault.name.contains(only)))
+        .collect();
     let copy = run::target_directory().join("seeded-faults").join("tree");
     make_copy(&copy)?;
-    if let Some(last) = last_failure(&copy)? {
+    if let Some(last) = first_failure(&copy, Tests::All)? {
         bail!("the tests fail without a fault already:\n{last}");
     }
     let mut unnoticed = Vec::new();
-    for (fault, number) in faults.iter().zip(1..) {
+    for (number, fault) in &faults {
         let file = copy.join(&fault.file);
         let original = std::fs::read_to_string(&file).with_context(|| file.display().to_string())?;
         std::fs::write(&file, fault.put_into(&original)?)?;
-        let noticed = last_failure(&copy);
+        let noticed = fault.noticed_by(&copy);
         std::fs::write(&file, &original)?;
         let noticed = noticed.with_context(|| format!("fault {:?}", fault.name))?;
         let by = noticed.as_deref().unwrap_or("NOT NOTICED");
-        println!("{number:>3} of {}  {:<58} {by}", faults.len(), fault.name);
+        println!("{number:>3} of {}  {:<58} {by}", list.fault.len(), fault.name);
         if noticed.is_none() {
             unnoticed.push(fault.name.as_str());
         }
@@ -67,7 +71,25 @@ pub fn check(rest: &[String]) -> Result<()> {
     Ok(())
 }
 
+/// Which tests are run.
+#[derive(Clone, Copy)]
+enum Tests<'a> {
+    /// Those of one package, unoptimised and without its slow tests: most faults are noticed so.
+    Quick(&'a str),
+    /// All of both packages.
+    All,
+}
+
 impl SeededFault {
+    /// The first test that fails by this fault, which is in the copy now.
+    fn noticed_by(&self, copy: &Path) -> Result<Option<String>> {
+        let room = self.file.split('/').next().unwrap_or_default();
+        match first_failure(copy, Tests::Quick(&format!("nearfield-{room}")))? {
+            None => first_failure(copy, Tests::All),
+            found => Ok(found),
+        }
+    }
+
     fn put_into(&self, source: &str) -> Result<String> {
         match source.matches(&self.original).count() {
             1 => Ok(source.replacen(&self.original, &self.faulty, 1)),
@@ -101,15 +123,25 @@ fn make_copy(copy: &Path) -> Result<()> {
 }
 
 /// The first test that fails in the copy; `None` if all pass.
-fn last_failure(copy: &Path) -> Result<Option<String>> {
+fn first_failure(copy: &Path, tests: Tests<'_>) -> Result<Option<String>> {
     let manifest = copy.join("Cargo.toml").display().to_string();
     let target = run::target_directory().join("seeded-faults").join("target").display().to_string();
-    let packages =
-        ["--package", "nearfield-shared", "--package", "nearfield-firmware", "--lib", "--no-fail-fast"];
-    let arguments = [&["test", "--manifest-path", &manifest], &packages[..]].concat();
+    let mut arguments = vec!["test", "--manifest-path", &manifest, "--lib", "--no-fail-fast"];
+    let optimisation = match tests {
+        Tests::Quick(package) => {
+            arguments.extend(["--package", package, "--"]);
+            arguments.extend(slow_tests::left_out(package));
+            "0"
+        }
+        Tests::All => {
+            arguments.extend(["--package", "nearfield-shared", "--package", "nearfield-firmware"]);
+            "1"
+        }
+    };
     let (passed, output) = Step::cargo(&arguments)
         .env("CARGO_TARGET_DIR", &target)
-        .env("CARGO_PROFILE_TEST_OPT_LEVEL", "1")
+        .env("CARGO_PROFILE_DEV_OPT_LEVEL", optimisation)
+        .env("CARGO_PROFILE_TEST_OPT_LEVEL", optimisation)
         .env("CARGO_PROFILE_TEST_DEBUG", "0")
         .capture()?;
     if passed {
