@@ -76,7 +76,10 @@ fn the_corpus_and_its_changes_break_no_rule() {
         let inputs = corpus(name);
         let read: Vec<_> = inputs.iter().filter(|input| target(input)).cloned().collect();
         // A corpus of an older version would be refused at the door and prove nothing.
-        assert!(!read.is_empty(), "{name}: nothing in its corpus is read any more; renew it (see tests/RIGOR.md)");
+        assert!(
+            !read.is_empty(),
+            "{name}: nothing in its corpus is read any more; renew it (see tests/RIGOR.md)"
+        );
         let mut seed = [0; 32];
         seed[..8].copy_from_slice(&SEED.to_le_bytes());
         let mut random = TestRng::from_seed(RngAlgorithm::ChaCha, &seed);

@@ -37,6 +37,7 @@ const GROUPS: [Group; 6] = [
             "audit",
             "laser_code",
             "arming",
+            "run_over",
             "safety/mod",
             "safety/findings",
             "safety/io",
@@ -45,7 +46,7 @@ const GROUPS: [Group; 6] = [
     Group {
         name: "judgement",
         package: "nearfield-shared",
-        files: &["cutoff", "height", "monitor", "light", "audit", "linescan", "status", "wire"],
+        files: &["cutoff", "height", "monitor", "run_over", "light", "audit", "linescan", "status", "wire"],
     },
     Group { name: "health", package: "nearfield-firmware", files: &["health", "lockstep"] },
     Group {
