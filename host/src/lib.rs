@@ -36,6 +36,7 @@ pub mod line_scan;
 pub mod link;
 pub mod paper;
 pub mod rig_file;
+pub mod run;
 pub mod scene_file;
 pub mod twin;
 pub mod vision;

@@ -10,12 +10,14 @@
 //! * [`track`]: the same thing from picture to picture, while the robot moves.
 //! * [`decide`]: the action table over what lies on the stripe and ahead of it. A total function: whatever is not known is
 //!   the most restrictive.
+//! * [`classes`]: which category of the action table is a detector's class?
 //! * [`claims`]: what the controller is told. It permits nothing by itself, see [`nearfield_shared::run_over`].
 //!
 //! Nothing here can make the robot less careful than the controller is; everything here can make it more careful.
 //! Floor coordinates are the world's (x along the robot's edge, y outward), millimetres; times are the host's clock.
 
 pub mod claims;
+pub mod classes;
 pub mod decide;
 pub mod footprint;
 pub mod track;

@@ -114,6 +114,22 @@ mod tests {
     }
 
     #[test]
+    fn a_copy_is_the_same_picture_and_uses_memory_again() {
+        let mut copy = Frame::empty();
+        let rgb = striped();
+        let (planar, interleaved) = (rgb.to_yuv420(), rgb.to_nv12());
+        let grey =
+            Frame::new(rgb.size(), Pixels::Grey(rgb.to_rgb().chunks(3).map(|p| p[1]).collect())).unwrap();
+        for frame in [&rgb, &planar, &interleaved, &grey, &rgb] {
+            copy.copy_from(frame);
+            assert_eq!(copy, *frame);
+            let (Pixels::Rgb(bytes) | Pixels::Grey(bytes) | Pixels::Yuv420(bytes) | Pixels::Nv12(bytes)) =
+                copy.pixels();
+            assert!(bytes.capacity() >= rgb.to_rgb().len(), "the first copy's memory");
+        }
+    }
+
+    #[test]
     fn planar_and_interleaved_hold_the_same_picture() {
         assert_eq!(striped().to_yuv420().to_rgb(), striped().to_nv12().to_rgb());
         assert_eq!(striped().to_yuv420().to_nv12(), striped().to_nv12());

@@ -80,6 +80,31 @@ impl Frame {
         }
     }
 
+    /// A picture without pixels, to copy others into.
+    #[must_use]
+    pub const fn empty() -> Self {
+        Self { size: ImageSize { width: 0, height: 0 }, pixels: Pixels::Grey(Vec::new()) }
+    }
+
+    /// Becomes a copy of another frame; memory that is large enough is used again.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.size = other.size;
+        let mut bytes = match std::mem::replace(&mut self.pixels, Pixels::Grey(Vec::new())) {
+            Pixels::Rgb(bytes) | Pixels::Grey(bytes) | Pixels::Yuv420(bytes) | Pixels::Nv12(bytes) => bytes,
+        };
+        let mut copy = |source: &[u8]| {
+            bytes.clear();
+            bytes.extend_from_slice(source);
+            std::mem::take(&mut bytes)
+        };
+        self.pixels = match &other.pixels {
+            Pixels::Rgb(source) => Pixels::Rgb(copy(source)),
+            Pixels::Grey(source) => Pixels::Grey(copy(source)),
+            Pixels::Yuv420(source) => Pixels::Yuv420(copy(source)),
+            Pixels::Nv12(source) => Pixels::Nv12(copy(source)),
+        };
+    }
+
     /// For pixels that were made to fill `size`.
     pub(super) const fn whole(size: ImageSize, pixels: Pixels) -> Self {
         Self { size, pixels }

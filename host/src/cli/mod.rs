@@ -10,9 +10,11 @@ macro_rules! say {
 }
 
 pub mod blackbox;
+pub mod budget;
 pub mod calibrate;
 pub mod campaign;
 pub mod capability;
+pub mod config;
 pub mod demo;
 pub mod evaluate_scenes;
 pub mod extract;
@@ -42,8 +44,10 @@ pub struct CommandLine {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Budget(budget::Budget),
     Calibrate(calibrate::CalibrateArguments),
     Capability(capability::CapabilityArguments),
+    Config(config::ConfigArguments),
     Demo(demo::Demo),
     Inspect(inspect::Inspect),
     Extract(extract::Extract),
@@ -64,8 +68,10 @@ impl CommandLine {
     #[must_use]
     pub fn run(&self) -> ExitCode {
         let result = match &self.command {
+            Command::Budget(budget) => budget.run(),
             Command::Calibrate(calibrate) => calibrate.run(),
             Command::Capability(capability) => capability.run(),
+            Command::Config(config) => config.run(),
             Command::Demo(demo) => demo.run(),
             Command::Inspect(inspect) => inspect.run(),
             Command::Extract(extract) => extract.run(),

@@ -1,0 +1,101 @@
+//! Tier 3 in a thread of its own: takes the newest picture, asks the detector, leaves the answer.
+
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use nearfield_fusion::Sighting;
+use nearfield_shared::units::Micros;
+
+use crate::capture::Frame;
+
+use super::mailbox::{Fetched, Mailbox, Reader, Writer};
+
+/// A picture for tier 3, in the camera's own layout: it is converted in tier 3's thread, not in the stripe's.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SemanticPicture {
+    /// The picture; it has no pixels before the first one.
+    pub frame: Frame,
+    /// Time of exposure, the host's clock.
+    pub exposed: Micros,
+}
+
+impl Default for SemanticPicture {
+    fn default() -> Self {
+        Self { frame: Frame::empty(), exposed: Micros::ZERO }
+    }
+}
+
+/// What tier 3 has said of one picture.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct SemanticAnswer {
+    /// What it saw; `None` = it does not know, which is never "nothing there".
+    pub sightings: Option<Vec<Sighting>>,
+    /// Why it does not know.
+    pub reason: String,
+    /// Time of exposure of its picture.
+    pub exposed: Micros,
+}
+
+/// Whatever looks at pictures for tier 3.
+pub trait Eye: Send {
+    /// Everything that it sees, in pixels of the picture, or why it does not know.
+    ///
+    /// # Errors
+    /// The reason, in words.
+    fn look(&mut self, picture: &SemanticPicture) -> Result<Vec<Sighting>, String>;
+}
+
+/// The thread and both mailboxes.
+pub struct Semantics {
+    pictures: Writer<SemanticPicture>,
+    answers: Reader<SemanticAnswer>,
+    /// Kept so that its panic, if any, can be told; never joined while the robot runs.
+    thread: JoinHandle<()>,
+}
+
+impl Semantics {
+    /// Starts the thread.
+    ///
+    /// # Errors
+    /// The operating system gives no thread.
+    pub fn start(mut eye: impl Eye + 'static) -> std::io::Result<Self> {
+        let (pictures, mut incoming) = Mailbox::pair::<SemanticPicture>();
+        let (mut outgoing, answers) = Mailbox::pair::<SemanticAnswer>();
+        let thread = std::thread::Builder::new().name("semantics".to_owned()).spawn(move || {
+            loop {
+                let picture = match incoming.wait(Duration::from_secs(1)) {
+                    Fetched::New(picture) => picture,
+                    Fetched::Nothing => continue,
+                    Fetched::Closed => return,
+                };
+                let (sightings, reason) = match eye.look(picture) {
+                    Ok(sightings) => (Some(sightings), String::new()),
+                    Err(reason) => (None, reason),
+                };
+                let exposed = picture.exposed;
+                let answer = SemanticAnswer { sightings, reason, exposed };
+                // The stripe path fetches for an instant only: the next try goes through.
+                while !outgoing.offer(|slot| slot.clone_from(&answer)) {
+                    std::thread::yield_now();
+                }
+            }
+        })?;
+        Ok(Self { pictures, answers, thread })
+    }
+
+    /// Offers a picture; never waits. It is lost if the thread is busy and another one comes before it is free.
+    pub fn show(&mut self, fill: impl FnOnce(&mut SemanticPicture)) {
+        self.pictures.offer(fill);
+    }
+
+    /// The newest answer, if there is one that was not fetched yet.
+    pub fn newest(&mut self) -> Option<&SemanticAnswer> {
+        self.answers.newest().map(|answer| &*answer)
+    }
+
+    /// Has the thread ended (its detector has panicked)?
+    #[must_use]
+    pub fn is_dead(&self) -> bool {
+        self.thread.is_finished()
+    }
+}

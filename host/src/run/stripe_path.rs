@@ -1,0 +1,180 @@
+//! One picture after the other through vision, line-scan and controller, with what tier 3 has last said.
+
+use std::time::Instant;
+
+use nearfield_fusion::{Advice, Answer, Motion, Obstruction, Tracker, claims, decide};
+use nearfield_shared::linescan::HostVerdict;
+use nearfield_shared::rig::Rig;
+use nearfield_shared::run_over::{Claims, NO_CLAIMS};
+use nearfield_shared::units::Micros;
+
+use super::latency::Latency;
+use super::semantics::Semantics;
+use crate::capture::{Frame, FrameView};
+use crate::line_scan::LineScanEncoder;
+use crate::link::{FrameFacts, LinkError, McuSession};
+use crate::vision::{Analyser, ForeignFrame};
+
+/// Why a picture could not be used. The controller then gets nothing, and stops by itself.
+#[derive(Debug, thiserror::Error)]
+pub enum StripeError {
+    /// The picture is of another size than the rig's.
+    #[error(transparent)]
+    Foreign(#[from] ForeignFrame),
+    /// The controller.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+}
+
+/// What became of one picture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Step {
+    /// What the host advises, with its reasons; `None` without tier 3.
+    pub advice: Option<Advice>,
+    /// What it told the controller.
+    pub verdict: HostVerdict,
+    /// May the robot move?
+    pub relay_closed: bool,
+}
+
+/// Tier 3 has answered lately: an answer counts for this long after its picture.
+const LONGEST_ANSWER_AGE: Micros = Micros::from_millis(500);
+
+/// See the module's documentation.
+pub struct StripePath {
+    rig: Rig,
+    analyser: Analyser,
+    encoder: LineScanEncoder,
+    session: McuSession,
+    semantics: Option<Semantics>,
+    tracker: Tracker,
+    /// What the last line-scan told the controller.
+    facts: FrameFacts,
+    /// From the picture in memory to the line-scan sent and the status received.
+    latency: Latency,
+}
+
+impl StripePath {
+    /// With a controller that is powered up, and with tier 3 or without.
+    ///
+    /// # Errors
+    /// The rig's picture does not resolve the stripe.
+    pub fn new(
+        rig: &Rig,
+        session: McuSession,
+        semantics: Option<Semantics>,
+    ) -> Result<Self, nearfield_shared::columns::GeometryError> {
+        Ok(Self {
+            rig: *rig,
+            analyser: Analyser::new(rig)?,
+            encoder: LineScanEncoder::new(rig)?,
+            session,
+            semantics,
+            tracker: Tracker::new(*rig),
+            facts: FrameFacts::default(),
+            latency: Latency::new(),
+        })
+    }
+
+    /// The controller's session.
+    pub const fn session(&mut self) -> &mut McuSession {
+        &mut self.session
+    }
+
+    /// What the last line-scan claimed.
+    #[must_use]
+    pub const fn claims(&self) -> &Claims {
+        &self.facts.claims
+    }
+
+    /// The verdict of the last line-scan.
+    #[must_use]
+    pub const fn last_verdict(&self) -> HostVerdict {
+        self.facts.verdict
+    }
+
+    /// Has tier 3 seen everything that it follows often enough to be believed?
+    #[must_use]
+    pub fn are_tracks_confirmed(&self) -> bool {
+        self.tracker.tracks().iter().all(nearfield_fusion::Track::is_confirmed)
+    }
+
+    /// How long pictures took.
+    #[must_use]
+    pub const fn latency(&self) -> &Latency {
+        &self.latency
+    }
+
+    /// Vision's view of the last picture.
+    #[must_use]
+    pub const fn analyser(&self) -> &Analyser {
+        &self.analyser
+    }
+
+    /// Takes a picture: `exposed` is the middle of its exposure on the session's clock, `motion` the robot's since the
+    /// picture before.
+    ///
+    /// # Errors
+    /// The picture is foreign, or the controller cannot be reached; nothing was sent then.
+    pub fn step(&mut self, frame: &Frame, exposed: Micros, motion: &Motion) -> Result<Step, StripeError> {
+        let begun = Instant::now();
+        let view = frame.view();
+        self.analyser.update(&view)?;
+        let age = self.session.now().since(exposed);
+        let mut facts = FrameFacts { capture_age: age, ..FrameFacts::default() };
+        self.tracker.move_on(motion);
+        let advice = self.fuse();
+        facts.verdict = match &advice {
+            Some(advice) => advice.verdict,
+            None if self.analyser.report().is_cut() => HostVerdict::Stop,
+            None => HostVerdict::Clear,
+        };
+        facts.claims = match &advice {
+            Some(_) => claims::claims(self.rig.stripe(), self.tracker.tracks(), self.session.now()),
+            None => NO_CLAIMS,
+        };
+        self.send(&view, facts)?;
+        self.facts = facts;
+        self.latency.add(begun.elapsed());
+        // After the line-scan has gone: tier 3 gets what is left.
+        if let Some(semantics) = &mut self.semantics {
+            semantics.show(|picture| {
+                picture.frame.copy_from(frame);
+                picture.exposed = exposed;
+            });
+        }
+        let relay_closed = self.session.relay_closed();
+        Ok(Step { advice, verdict: facts.verdict, relay_closed })
+    }
+
+    fn send(&mut self, view: &FrameView<'_>, facts: FrameFacts) -> Result<(), LinkError> {
+        let extractor = self.analyser.extractor();
+        self.encoder.encode(extractor.readings(), extractor.geometry());
+        self.encoder.measure_light(view, self.session.challenge());
+        let (columns, light) = (self.encoder.columns(), self.encoder.light());
+        self.session.run_lit_columns(columns, light, facts)
+    }
+
+    /// The advice with what tier 3 has last said; `None` without tier 3.
+    fn fuse(&mut self) -> Option<Advice> {
+        let semantics = self.semantics.as_mut()?;
+        if let Some(answer) = semantics.newest() {
+            let known = answer.sightings.as_deref().map_or(Answer::Unknown, Answer::Seen);
+            self.tracker.observe(answer.exposed, &known);
+        }
+        let now = self.session.now();
+        let answered =
+            self.tracker.last_answer().is_some_and(|exposed| now.since(exposed) <= LONGEST_ANSWER_AGE);
+        let obstructions: Vec<Obstruction> = self
+            .analyser
+            .objects()
+            .iter()
+            .map(|object| Obstruction {
+                start: f64::from(object.start.get()),
+                end: f64::from(object.end.get()),
+                size: object.size,
+            })
+            .collect();
+        Some(decide(self.rig.stripe(), &obstructions, self.tracker.tracks(), answered))
+    }
+}
