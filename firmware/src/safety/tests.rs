@@ -2,7 +2,10 @@
 
 use super::*;
 use crate::testing::{Bench, SOURCE};
-use nearfield_shared::limits::{LASER_DIMMED, LASER_FULL, LONGEST_TICK_PERIOD};
+use nearfield_shared::cutoff::Gap;
+use nearfield_shared::limits::{
+    DARK_PROOFS, LASER_DIMMED, LASER_FULL, LONGEST_ALLOWED_GAP, LONGEST_TICK_PERIOD,
+};
 use nearfield_shared::linescan::HostVerdict;
 use nearfield_shared::rig::CompactRigError;
 use nearfield_shared::status::{Channels, FaultCode, LaserMode};
@@ -173,6 +176,32 @@ fn a_stripe_that_is_seen_in_the_dark_stops() {
     assert!(status(&bench).latched_causes.contains(StopCause::DarkTest));
 }
 
+/// Clean frames from the laser's going dark to its coming back.
+fn frames_in_the_dark(bench: &mut Bench) -> usize {
+    darken(bench);
+    (0..30).take_while(|_| bench.clean_frame().outputs.laser_level == 0).count()
+}
+
+/// What the pictures of an earlier arming said, good or bad, counts for that one alone.
+#[test]
+fn each_arming_demands_a_dark_test_of_its_own() {
+    let mut bench = Bench::after(ResetCause::PowerOn);
+    let first = frames_in_the_dark(&mut bench);
+    assert!((usize::from(DARK_PROOFS)..30).contains(&first), "{first}");
+    bench.arm();
+    let cut = bench.scan(None, HostVerdict::Clear);
+    bench.frame(Some(&cut));
+    assert_eq!(frames_in_the_dark(&mut bench), first, "the old proof counted");
+    let mut denied = Bench::after(ResetCause::PowerOn);
+    darken(&mut denied);
+    for _ in 0..10 {
+        let scan = denied.scan_in_light(Some(0.0), HostVerdict::Clear, LASER_FULL);
+        denied.frame(Some(&scan));
+    }
+    assert_eq!(status(&denied).state, StateCode::Stopped);
+    assert_eq!(frames_in_the_dark(&mut denied), first, "the old denial counted");
+}
+
 #[test]
 fn a_frozen_picture_in_fresh_messages_stops_within_the_stated_time() {
     let mut bench = Bench::after(ResetCause::PowerOn);
@@ -327,6 +356,22 @@ fn the_surroundings_warn_at_their_limits() {
     bench.frame(Some(&scan));
     assert_eq!(status(&bench).warnings, Warnings::HOST);
     assert_eq!(bench.controller.outputs().relays, Channels::CLOSED, "a warning is no stop");
+}
+
+#[test]
+fn a_gap_that_is_still_allowed_warns_and_one_that_stops_needs_no_warning() {
+    let mut bench = Bench::after(ResetCause::PowerOn);
+    bench.arm();
+    let limit = LONGEST_ALLOWED_GAP.get();
+    for (gap, warnings) in [
+        (None, Warnings::NONE),
+        (Some(limit / 2.0), Warnings::STRIPE),
+        (Some(limit), Warnings::STRIPE),
+        (Some(limit * 2.0), Warnings::NONE),
+    ] {
+        bench.controller.report.cutoff.voted = gap.map(|length| Gap::between(0.0, length));
+        assert_eq!(status(&bench).warnings, warnings, "{gap:?}");
+    }
 }
 
 #[test]
