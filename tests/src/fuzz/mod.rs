@@ -18,6 +18,7 @@ use nearfield_firmware::lockstep::{
     REPLY_LENGTH, REQUEST_HEADER_LENGTH, Reply, Request, RequestHeader, SimulatedTick,
 };
 use nearfield_shared::columns::{Decimation, StripeGeometry};
+use nearfield_shared::cutoff::Gap;
 use nearfield_shared::limits::LARGEST_COLUMN_COUNT;
 use nearfield_shared::linescan::{LARGEST_AUDIT_COUNT, LINE_SCAN_LENGTH, LineScan, encode};
 use nearfield_shared::rig::{COMPACT_LENGTH, Rig};
@@ -26,7 +27,7 @@ use nearfield_shared::service::{
     FAULT_ENTRY_LENGTH, FaultEntry, PAGE_LENGTH, PAGE_OFFSET, Page, REQUEST_LENGTH, STOP_INDEX_LENGTH,
     SUMMARY_LENGTH, StopIndex, Summary, encode_page, encode_request,
 };
-use nearfield_shared::status::{HealthFigures, STATUS_LENGTH, Status};
+use nearfield_shared::status::{HealthFigures, PermitInUse, STATUS_LENGTH, Status};
 use nearfield_shared::units::Millimetres;
 use nearfield_shared::wire::{SEAL_LENGTH, checksum, is_sealed};
 
@@ -115,7 +116,16 @@ fn without_lengths(status: Status) -> Status {
         ..status.health
     };
     let longest_unknown = Millimetres::ZERO;
-    Status { longest_gap: None, highest: None, lowest: None, longest_unknown, health: lengths, ..status }
+    let run_over = status.run_over.map(|permit| PermitInUse { stretch: Gap::between(0.0, 0.0), ..permit });
+    Status {
+        longest_gap: None,
+        highest: None,
+        lowest: None,
+        longest_unknown,
+        health: lengths,
+        run_over,
+        ..status
+    }
 }
 
 /// Rules: only a sealed rig within its limits is read; written again it is the same rig under the same id; the column
