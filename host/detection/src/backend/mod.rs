@@ -1,0 +1,8 @@
+//! Ways of running a network, and one of not running any.
+
+#[cfg(feature = "hailo")]
+pub mod hailo;
+#[cfg(feature = "ort")]
+pub mod onnxruntime;
+pub mod recorded;
+pub mod rten;

@@ -1,0 +1,158 @@
+//! A model's card: what a program must know to use the network, and a reader to judge it. JSON beside the network.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::calibration::Calibration;
+
+/// Format of the cards that this version reads.
+pub const SCHEMA: &str = "nearfield-detector-1";
+/// Largest input that is believed, pixels.
+const LARGEST_INPUT: u32 = 2048;
+
+/// Why a card or a network cannot be used.
+#[derive(Debug, Error)]
+pub enum ModelError {
+    /// A file cannot be read.
+    #[error("{path}: {source}")]
+    Unreadable {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The card is not what it should be.
+    #[error(
+        "{path}: {what}; a card is the JSON that `python -m nearfield_training export` writes beside the network"
+    )]
+    BadCard {
+        /// Which.
+        path: PathBuf,
+        /// What is wrong.
+        what: String,
+    },
+    /// The backend does not take the network.
+    #[error("{path}: {what}")]
+    BadNetwork {
+        /// Which.
+        path: PathBuf,
+        /// What is wrong.
+        what: String,
+    },
+    /// The backend's library is not there or not usable.
+    #[error("{what}")]
+    NoBackend {
+        /// What is missing, and what to do.
+        what: String,
+    },
+}
+
+/// What a program must know about a network.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Card {
+    /// [`SCHEMA`].
+    pub schema: String,
+    /// The network's name.
+    pub name: String,
+    /// The input is a square with this side, pixels.
+    pub input_side: u32,
+    /// Names of the classes in the order of the network's outputs.
+    pub classes: Vec<String>,
+    /// Boxes of one class that overlap more than this (intersection over union) are one object.
+    pub largest_overlap: f32,
+    /// A score from which an object counts as found, a class each: the operating point.
+    pub operating_scores: Vec<f32>,
+    /// From score to confidence.
+    pub calibration: Calibration,
+    /// Data, seed, epochs, metrics: for the reader.
+    #[serde(default)]
+    pub about: serde_json::Value,
+}
+
+impl Card {
+    /// Reads and checks a card; `path` is only for the message.
+    ///
+    /// # Errors
+    /// [`ModelError::BadCard`].
+    pub fn parse(text: &str, path: &Path) -> Result<Self, ModelError> {
+        let bad = |what: String| ModelError::BadCard { path: path.to_owned(), what };
+        let card: Self = serde_json::from_str(text).map_err(|error| bad(error.to_string()))?;
+        if card.schema != SCHEMA {
+            return Err(bad(format!("schema \"{}\", this version reads \"{SCHEMA}\"", card.schema)));
+        }
+        if card.input_side == 0 || card.input_side > LARGEST_INPUT || !card.input_side.is_multiple_of(32) {
+            return Err(bad(format!(
+                "input_side {} is not a multiple of 32 up to {LARGEST_INPUT}",
+                card.input_side
+            )));
+        }
+        if card.classes.is_empty() || card.operating_scores.len() != card.classes.len() {
+            let (classes, scores) = (card.classes.len(), card.operating_scores.len());
+            return Err(bad(format!(
+                "{classes} classes with {scores} operating_scores; there must be one for each"
+            )));
+        }
+        let share = |value: &f32| (0.0..=1.0).contains(value);
+        if !card.operating_scores.iter().all(share) || !share(&card.largest_overlap) {
+            return Err(bad("operating_scores and largest_overlap are between 0 and 1".to_owned()));
+        }
+        if !card.calibration.is_usable() {
+            return Err(bad("calibration: slope must be positive, both numbers finite".to_owned()));
+        }
+        Ok(card)
+    }
+
+    /// The card beside a network: `model.onnx` has `model.json`.
+    ///
+    /// # Errors
+    /// It cannot be read or used.
+    pub fn beside(network: &Path) -> Result<Self, ModelError> {
+        let path = network.with_extension("json");
+        let text = std::fs::read_to_string(&path)
+            .map_err(|source| ModelError::Unreadable { path: path.clone(), source })?;
+        Self::parse(&text, &path)
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    pub(crate) fn sample() -> Card {
+        Card {
+            schema: SCHEMA.to_owned(),
+            name: "sample".to_owned(),
+            input_side: 64,
+            classes: vec!["bolt".to_owned(), "hand".to_owned()],
+            largest_overlap: 0.5,
+            operating_scores: vec![0.4, 0.1],
+            calibration: Calibration::default(),
+            about: serde_json::Value::Null,
+        }
+    }
+
+    #[test]
+    fn a_card_survives_writing_and_reading() {
+        let text = serde_json::to_string(&sample()).unwrap();
+        assert_eq!(Card::parse(&text, Path::new("x")).unwrap(), sample());
+    }
+
+    #[test]
+    fn contradictions_are_refused_by_name() {
+        let cases: [(Card, &str); 6] = [
+            (Card { schema: "other".to_owned(), ..sample() }, "schema"),
+            (Card { input_side: 100, ..sample() }, "input_side"),
+            (Card { operating_scores: vec![0.4], ..sample() }, "operating_scores"),
+            (Card { operating_scores: vec![0.4, 1.5], ..sample() }, "operating_scores"),
+            (Card { largest_overlap: -1.0, ..sample() }, "largest_overlap"),
+            (Card { calibration: Calibration { slope: 0.0, intercept: 0.0 }, ..sample() }, "calibration"),
+        ];
+        for (card, field) in cases {
+            let error = Card::parse(&serde_json::to_string(&card).unwrap(), Path::new("x.json")).unwrap_err();
+            assert!(error.to_string().contains(field), "{error}");
+            assert!(error.to_string().contains("x.json"), "{error}");
+        }
+    }
+}
