@@ -1,0 +1,27 @@
+"""`python -m nearfield_training toy|train|export|calibration-set ...`"""
+
+import argparse
+import importlib
+
+VERBS = {
+    "toy": ("toy", "make a small dataset of drawn shapes"),
+    "train": ("train", "train a network on COCO folders; goes on where it was stopped"),
+    "export": ("export", "write ONNX, int8, the card, and what Hailo's compiler needs"),
+    "calibration-set": ("calibration_set", "write inputs for the quantisation by Hailo's compiler"),
+}
+
+
+def main() -> None:
+    """Reads the command line."""
+    parser = argparse.ArgumentParser(prog="nearfield_training", description="Training of the detector.")
+    verbs = parser.add_subparsers(dest="verb", required=True)
+    modules = {}
+    for verb, (module, text) in VERBS.items():
+        modules[verb] = importlib.import_module(f".{module}", __package__)
+        modules[verb].add_arguments(verbs.add_parser(verb, help=text, description=text))
+    options = parser.parse_args()
+    modules[options.verb].run(options)
+
+
+if __name__ == "__main__":
+    main()

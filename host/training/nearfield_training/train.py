@@ -1,0 +1,230 @@
+"""Training: AdamW, warm-up and cosine, moving average of the weights, a checkpoint after every epoch."""
+
+import argparse
+import copy
+import json
+import math
+import os
+import pathlib
+import time
+
+import numpy
+import torch
+from torch.utils.data import DataLoader, Dataset
+from tqdm import tqdm
+
+from .dataset import Augmentation, Sample, class_names, read_coco
+from .loss import detection_loss
+from .network import SCALES, Yolo
+from .validate import mean_average_precision
+
+# The learning rate rises over this many steps, or over a tenth of a short training.
+WARM_UP_STEPS = 150
+# The learning rate ends at this share of its peak.
+LAST_SHARE = 0.02
+# In the last part of the training pictures are whole again, as they will be in use.
+WITHOUT_MOSAIC = 0.12
+
+
+class Inputs(Dataset):
+    """Augmented inputs of one epoch; an input depends on seed, epoch and index only, not on who makes it."""
+
+    def __init__(self, samples: list[Sample], side: int, mosaic: float, seed: int, epoch: int):
+        self.samples, self.side, self.mosaic, self.seed, self.epoch = samples, side, mosaic, seed, epoch
+
+    def __len__(self) -> int:
+        return len(self.samples)
+
+    def __getitem__(self, index: int) -> tuple[numpy.ndarray, numpy.ndarray]:
+        random = numpy.random.default_rng([self.seed, self.epoch, index])
+        sample = Augmentation(self.samples, self.side, self.mosaic, random)(index)
+        return sample.picture, sample.boxes
+
+
+def collate(batch: list[tuple[numpy.ndarray, numpy.ndarray]]) -> tuple[torch.Tensor, torch.Tensor]:
+    """Bytes (batch, side, side, 3) and targets (picture, class, centre x, centre y, width, height)."""
+    targets = []
+    for index, (_, boxes) in enumerate(batch):
+        rows = numpy.empty((len(boxes), 6), numpy.float32)
+        rows[:, 0], rows[:, 1] = index, boxes[:, 0]
+        rows[:, 2:4], rows[:, 4:6] = (boxes[:, 1:3] + boxes[:, 3:5]) / 2, boxes[:, 3:5] - boxes[:, 1:3]
+        targets.append(rows)
+    pictures = numpy.stack([picture for picture, _ in batch])
+    return torch.from_numpy(pictures), torch.from_numpy(numpy.concatenate(targets))
+
+
+class MovingAverage:
+    """Weights averaged over the last steps; they are what is kept in the end."""
+
+    def __init__(self, network: Yolo):
+        self.network = copy.deepcopy(network).eval()
+        self.steps = 0
+
+    @torch.no_grad()
+    def update(self, network: Yolo) -> None:
+        """Takes in the weights after a step."""
+        self.steps += 1
+        decay = min(0.999, (1 + self.steps) / (10 + self.steps))
+        for average, current in zip(self.network.parameters(), network.parameters()):
+            average.lerp_(current, 1 - decay)
+        for average, current in zip(self.network.buffers(), network.buffers()):
+            average.copy_(current)
+
+
+class Run:
+    """One training and its directory: `last.pt` (everything to go on), `best.pt` (weights), `log.jsonl`."""
+
+    def __init__(self, options: argparse.Namespace):
+        self.options, self.out = options, options.out
+        self.out.mkdir(parents=True, exist_ok=True)
+        torch.set_num_threads(options.threads)
+        torch.manual_seed(options.seed)
+        self.names = options.classes.split(",") if options.classes else class_names(options.data / "train")
+        self.network = Yolo(options.scale, len(self.names)).to(memory_format=torch.channels_last)
+        decayed = [value for value in self.network.parameters() if value.ndim > 1]
+        others = [value for value in self.network.parameters() if value.ndim <= 1]
+        groups = [{"params": decayed, "weight_decay": 0.02}, {"params": others, "weight_decay": 0.0}]
+        self.optimiser = torch.optim.AdamW(groups, lr=options.rate, betas=(0.9, 0.99))
+        self.average = MovingAverage(self.network)
+        self.epoch, self.step, self.best, self.seconds = 0, 0, -1.0, 0.0
+        if (self.out / "last.pt").exists() and not options.fresh:
+            self._resume()
+        elif options.start_from:
+            self._start_from(options.start_from)
+
+    def _resume(self) -> None:
+        state = torch.load(self.out / "last.pt", weights_only=True)
+        if state["names"] != self.names or state["scale"] != self.options.scale:
+            raise SystemExit(f"{self.out}/last.pt is of another network; choose another --out or give --fresh")
+        self.network.load_state_dict(state["network"])
+        self.average.network.load_state_dict(state["average"])
+        self.optimiser.load_state_dict(state["optimiser"])
+        self.average.steps = self.step = state["step"]
+        self.epoch, self.best, self.seconds = state["epoch"], state["best"], state["seconds"]
+        print(f"going on after epoch {self.epoch} of {self.out}/last.pt")
+
+    def _start_from(self, path: pathlib.Path) -> None:
+        """Takes all weights that fit, from a network of other classes too."""
+        state, own = torch.load(path, weights_only=True)["average"], self.network.state_dict()
+        fitting = {name: value for name, value in state.items() if name in own and value.shape == own[name].shape}
+        self.network.load_state_dict(fitting, strict=False)
+        self.average = MovingAverage(self.network)
+        print(f"{len(fitting)} of {len(own)} tensors taken from {path}")
+
+    def progress(self) -> float:
+        """0 to 1: by epochs, or by time where that is nearer to its end."""
+        share = self.step / max(1, self.steps_in_all)
+        return min(1.0, max(share, self.seconds / 60 / self.options.minutes if self.options.minutes else 0.0))
+
+    def save(self) -> None:
+        """Everything to go on after a kill; never half a file."""
+        state = {"names": self.names, "scale": self.options.scale, "side": self.options.side, "seed": self.options.seed}
+        state |= {"network": self.network.state_dict(), "average": self.average.network.state_dict()}
+        state |= {"optimiser": self.optimiser.state_dict(), "epoch": self.epoch, "step": self.step}
+        state |= {"best": self.best, "seconds": self.seconds}
+        torch.save(state, self.out / "last.tmp")
+        os.replace(self.out / "last.tmp", self.out / "last.pt")
+
+    def save_best(self) -> None:
+        """Only the averaged weights and what is needed to use them."""
+        state = {"names": self.names, "scale": self.options.scale, "side": self.options.side, "epoch": self.epoch}
+        torch.save(state | {"seed": self.options.seed, "average": self.average.network.state_dict()}, self.out / "best.tmp")
+        os.replace(self.out / "best.tmp", self.out / "best.pt")
+
+    def train(self) -> None:
+        """Until the epochs or the minutes are used up."""
+        options = self.options
+        train = read_coco(options.data / "train", self.names, options.limit)
+        validation = read_coco(options.data / "val", self.names, options.validate)
+        print(f"{len(train)} pictures to learn from, {len(validation)} to validate, {len(self.names)} classes")
+        self.steps_in_all = len(train) // options.batch * options.epochs
+        while self.epoch < options.epochs and self.progress() < 1:
+            losses = self._one_epoch(train)
+            self.epoch += 1
+            start = time.monotonic()
+            at_50, at_all, by_class = mean_average_precision(copy.deepcopy(self.average.network), validation, options.side)
+            self.seconds += time.monotonic() - start
+            better = at_50 + at_all > self.best
+            self.best = max(self.best, at_50 + at_all)
+            entry = {"epoch": self.epoch, "box": losses[0], "objectness": losses[1], "class": losses[2]}
+            entry |= {"mAP50": round(at_50, 4), "mAP": round(at_all, 4), "seconds": round(self.seconds)}
+            entry["AP50"] = {name: round(value, 3) for name, value in zip(self.names, by_class)}
+            with (self.out / "log.jsonl").open("a") as log:
+                log.write(json.dumps(entry) + "\n")
+            print({key: value for key, value in entry.items() if key != "AP50"}, flush=True)
+            self.save()
+            if better:
+                self.save_best()
+
+    def _one_epoch(self, train: list[Sample]) -> list[float]:
+        options = self.options
+        mosaic = 0.0 if self.progress() > 1 - WITHOUT_MOSAIC else options.mosaic
+        inputs = Inputs(train, options.side, mosaic, options.seed, self.epoch)
+        order = torch.Generator().manual_seed(options.seed * 100_003 + self.epoch)
+        loader = DataLoader(
+            inputs, options.batch, shuffle=True, drop_last=True, generator=order, collate_fn=collate,
+            num_workers=options.workers,
+        )
+        total = torch.zeros(3)
+        self.network.train()
+        bar = tqdm(loader, desc=f"epoch {self.epoch + 1}", mininterval=5, dynamic_ncols=True)
+        done = 0
+        for pictures, targets in bar:
+            start = time.monotonic()
+            total += self._one_step(pictures, targets)
+            done += 1
+            waited = getattr(self, "last_end", start)
+            self.last_end = time.monotonic()
+            # Waiting for the next batch counts too, but not a pause between two runs of the program.
+            self.seconds += self.last_end - max(waited, start - 60)
+            if self.progress() >= 1:
+                break
+        return [round(float(value), 4) for value in total / max(1, done)]
+
+    def _one_step(self, pictures: torch.Tensor, targets: torch.Tensor) -> torch.Tensor:
+        options = self.options
+        warm_up = min(WARM_UP_STEPS, self.steps_in_all // 10 + 1)
+        rate = options.rate * min(1, (self.step + 1) / warm_up)
+        rate *= LAST_SHARE + (1 - LAST_SHARE) * 0.5 * (1 + math.cos(math.pi * self.progress()))
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+        # A picture's bytes lie as channels-last already.
+        inputs = pictures.permute(0, 3, 1, 2).float().div_(255)
+        with torch.autocast("cpu", dtype=torch.bfloat16):
+            outputs = self.network(inputs)
+        loss, parts = detection_loss(self.network, outputs, targets)
+        if not torch.isfinite(loss):
+            raise SystemExit(f"the loss is {float(loss)} in step {self.step}; a smaller --rate helps")
+        self.optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(self.network.parameters(), 10.0)
+        self.optimiser.step()
+        self.average.update(self.network)
+        self.step += 1
+        return parts
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `train`."""
+    parser.add_argument("--data", type=pathlib.Path, required=True, help="folder with train/ and val/, COCO each")
+    parser.add_argument("--out", type=pathlib.Path, required=True, help="checkpoints and log; goes on if there are any")
+    parser.add_argument("--scale", choices=sorted(SCALES), default="n", help="size of the network")
+    parser.add_argument("--side", type=int, default=320, help="side of the input, pixels")
+    parser.add_argument("--epochs", type=int, default=50)
+    parser.add_argument("--minutes", type=float, default=0, help="end earlier, after this time; 0: no limit")
+    parser.add_argument("--batch", type=int, default=16)
+    parser.add_argument("--rate", type=float, default=2e-3, help="peak learning rate")
+    parser.add_argument("--mosaic", type=float, default=0.7, help="share of inputs made of four pictures")
+    parser.add_argument("--classes", default="", help="names, comma between; default: all of train/")
+    parser.add_argument("--limit", type=int, default=0, help="use only so many pictures; 0: all")
+    parser.add_argument("--validate", type=int, default=300, help="validate on so many pictures; 0: all")
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--workers", type=int, default=0, help="processes that prepare inputs")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--fresh", action="store_true", help="begin anew although there are checkpoints")
+    parser.add_argument("--start-from", type=pathlib.Path, help="weights (best.pt) to begin with")
+
+
+def run(options: argparse.Namespace) -> None:
+    """Trains."""
+    Run(options).train()
