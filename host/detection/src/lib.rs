@@ -13,6 +13,9 @@
 //! | [`backend`] | rten (default), onnxruntime (feature `ort`), Hailo (feature `hailo`), recorded detections |
 //! | [`letterbox`], [`tiles`], [`decode`], [`suppress`] | what stands before and after a network |
 //! | [`calibration`] | from scores to probabilities |
+//! | [`model`] | the network that comes along, or one from a file |
+//! | [`evaluate`] | how good a detector is, on any folder with COCO annotations |
+//! | [`cli`] | the commands `nearfield detect` and `nearfield evaluate` |
 //!
 //! Nothing here opens or closes a relay: what is found can only make the robot more careful, save for run-over permits,
 //! which the safety controller grants by itself.
@@ -22,9 +25,13 @@ pub mod boxes;
 pub mod calibration;
 pub mod card;
 pub mod class;
+pub mod cli;
 pub mod decode;
 pub mod detector;
+pub mod draw;
+pub mod evaluate;
 pub mod letterbox;
+pub mod model;
 pub mod network;
 pub mod suppress;
 pub mod tiles;

@@ -12,9 +12,24 @@ const CUT: f32 = 3.0;
 /// Boxes before suppression, at most: an answer with more is noise.
 const MOST_CANDIDATES: usize = 60_000;
 
-/// A network that some backend has loaded.
+/// A network that some backend has loaded, as far as boxes.
 pub trait Network: Send {
-    /// From planes of red, green and blue (0 to 1, `side` x `side`) to rows of boxes, see [`crate::decode`].
+    /// From planes of red, green and blue (0 to 1, the card's side squared) to boxes in pixels of that input with at
+    /// least this score. `found` is emptied and filled; boxes need not be suppressed yet.
+    ///
+    /// # Errors
+    /// [`Unknown`].
+    fn infer(&mut self, input: &[f32], least_score: f32, found: &mut Vec<Detection>) -> Result<(), Unknown>;
+}
+
+impl<N: Network + ?Sized> Network for Box<N> {
+    fn infer(&mut self, input: &[f32], least_score: f32, found: &mut Vec<Detection>) -> Result<(), Unknown> {
+        (**self).infer(input, least_score, found)
+    }
+}
+
+/// A network whose answer is still numbers, see [`crate::decode`].
+pub trait Rows: Send {
     /// `rows` is emptied and filled.
     ///
     /// # Errors
@@ -22,9 +37,39 @@ pub trait Network: Send {
     fn infer(&mut self, input: &[f32], rows: &mut Vec<f32>) -> Result<(), Unknown>;
 }
 
-impl<N: Network + ?Sized> Network for Box<N> {
-    fn infer(&mut self, input: &[f32], rows: &mut Vec<f32>) -> Result<(), Unknown> {
-        (**self).infer(input, rows)
+/// A network of [`Rows`] with the reading of its numbers.
+pub struct Decoded<R> {
+    network: R,
+    classes: usize,
+    /// Numbers of a whole answer.
+    expected: usize,
+    rows: Vec<f32>,
+}
+
+impl<R: Rows> Decoded<R> {
+    /// For a card's input and classes.
+    #[must_use]
+    pub fn new(network: R, card: &Card) -> Self {
+        // Three boxes a cell at strides of 8, 16 and 32 pixels.
+        let cells: u32 = [8, 16, 32].iter().map(|stride| (card.input_side / stride).pow(2)).sum();
+        let expected = 3 * cells as usize * (BEFORE_CLASSES + card.classes.len());
+        Self { network, classes: card.classes.len(), expected, rows: Vec::with_capacity(expected) }
+    }
+}
+
+impl<R: Rows> Network for Decoded<R> {
+    fn infer(&mut self, input: &[f32], least_score: f32, found: &mut Vec<Detection>) -> Result<(), Unknown> {
+        self.network.infer(input, &mut self.rows)?;
+        if self.rows.len() != self.expected {
+            let what = format!("{} numbers where {} are expected", self.rows.len(), self.expected);
+            return Err(Unknown::Nonsense { what });
+        }
+        found.clear();
+        decode(&self.rows, self.classes, least_score, |detection| {
+            if found.len() < MOST_CANDIDATES {
+                found.push(detection);
+            }
+        })
     }
 }
 
@@ -46,7 +91,6 @@ pub struct NetworkDetector<N> {
     least_score: f32,
     letterbox: Letterbox,
     looks: Vec<Look>,
-    rows: Vec<f32>,
     of_one_look: Vec<Detection>,
     detections: Vec<Detection>,
 }
@@ -64,7 +108,6 @@ impl<N: Network> NetworkDetector<N> {
             least_score: settings.least_score.unwrap_or(smallest),
             letterbox: Letterbox::new(card.input_side),
             looks: Vec::new(),
-            rows: Vec::new(),
             of_one_look: Vec::new(),
             detections: Vec::new(),
             card,
@@ -85,32 +128,21 @@ impl<N: Network> NetworkDetector<N> {
     fn first_answer(&mut self) -> Result<(), Unknown> {
         let side = self.card.input_side;
         let grey = vec![crate::letterbox::FILLING; (side * side * 3) as usize];
-        self.detect(Picture::new(side, side, &grey)?)?;
-        // Three boxes a cell at strides of 8, 16 and 32 pixels.
-        let cells: u32 = [8, 16, 32].iter().map(|stride| (side / stride).pow(2)).sum();
-        let expected = 3 * cells as usize * (BEFORE_CLASSES + self.card.classes.len());
-        if self.rows.len() == expected {
-            return Ok(());
-        }
-        Err(Unknown::Nonsense { what: format!("{} numbers where {expected} are expected", self.rows.len()) })
+        self.detect(Picture::new(side, side, &grey)?).map(|_| ())
     }
 
     /// One window of the picture: into the network, out as boxes of the picture.
     fn look(&mut self, picture: Picture<'_>, look: Look) -> Result<(), Unknown> {
         let (input, placement) = self.letterbox.fit(picture, look.window)?;
-        self.network.infer(input, &mut self.rows)?;
-        let (classes, least, most) = (self.card.classes.len(), self.least_score, MOST_CANDIDATES);
-        let size = (picture.width() as f32, picture.height() as f32);
         let found = &mut self.of_one_look;
-        found.clear();
-        decode(&self.rows, classes, least, |detection| {
-            if found.len() < most && (look.whole || !is_cut(&detection, placement, picture)) {
-                let place = placement.to_picture(&detection.place).clipped(size.0, size.1);
-                if place.area() > 0.0 {
-                    found.push(Detection { place, ..detection });
-                }
-            }
-        })?;
+        self.network.infer(input, self.least_score, found)?;
+        let (width, height) = (picture.width() as f32, picture.height() as f32);
+        // Cut boxes go before suppression: a piece must not outdo the whole.
+        found.retain_mut(|detection| {
+            let is_whole = look.whole || !is_cut(detection, placement, picture);
+            detection.place = placement.to_picture(&detection.place).clipped(width, height);
+            is_whole && detection.place.area() > 0.0
+        });
         suppress(found, self.card.largest_overlap, false, MOST_DETECTIONS);
         self.detections.extend_from_slice(found);
         Ok(())
@@ -167,7 +199,7 @@ mod tests {
         classes: usize,
     }
 
-    impl Network for BrightThing {
+    impl Rows for BrightThing {
         fn infer(&mut self, input: &[f32], rows: &mut Vec<f32>) -> Result<(), Unknown> {
             const SIDE: usize = 64;
             rows.clear();
@@ -189,8 +221,12 @@ mod tests {
         }
     }
 
-    fn detector(tiling: Tiling, least_score: Option<f32>) -> NetworkDetector<BrightThing> {
-        NetworkDetector::new(BrightThing { classes: 2 }, sample(), Settings { tiling, least_score }).unwrap()
+    fn bright(classes: usize) -> Decoded<BrightThing> {
+        Decoded::new(BrightThing { classes }, &sample())
+    }
+
+    fn detector(tiling: Tiling, least_score: Option<f32>) -> NetworkDetector<Decoded<BrightThing>> {
+        NetworkDetector::new(bright(2), sample(), Settings { tiling, least_score }).unwrap()
     }
 
     fn picture_with(place: BoundingBoxOfPixels) -> image::RgbImage {
@@ -234,7 +270,7 @@ mod tests {
         let count = |operating: f32| {
             let card = Card { operating_scores: vec![0.0, operating], ..sample() };
             let settings = Settings { tiling: Tiling::Off, least_score: None };
-            let mut detector = NetworkDetector::new(BrightThing { classes: 2 }, card, settings).unwrap();
+            let mut detector = NetworkDetector::new(bright(2), card, settings).unwrap();
             let found = detector.detect((&picture).try_into().unwrap()).unwrap();
             found.iter().filter(|detection| detection.class == 1).count()
         };
@@ -245,14 +281,14 @@ mod tests {
     #[test]
     fn a_network_that_does_not_fit_its_card_is_refused() {
         let settings = Settings { tiling: Tiling::Off, least_score: None };
-        let error = NetworkDetector::new(BrightThing { classes: 3 }, sample(), settings).err().unwrap();
+        let error = NetworkDetector::new(bright(3), sample(), settings).err().unwrap();
         assert!(error.to_string().contains("does not fit its card"), "{error}");
     }
 
     /// Says whatever it is told to.
     struct Parrot(Result<Vec<f32>, Unknown>);
 
-    impl Network for Parrot {
+    impl Rows for Parrot {
         fn infer(&mut self, _: &[f32], rows: &mut Vec<f32>) -> Result<(), Unknown> {
             rows.clear();
             rows.extend_from_slice(self.0.as_ref().map_err(Clone::clone)?);
@@ -275,11 +311,13 @@ mod tests {
         let rgb = vec![0; 64 * 64 * 3];
         let picture = Picture::new(64, 64, &rgb).unwrap();
         let settings = Settings { tiling: Tiling::Off, least_score: None };
-        let mut detector = NetworkDetector::new(Parrot(Ok(good.clone())), sample(), settings).unwrap();
+        let mut detector =
+            NetworkDetector::new(Decoded::new(Parrot(Ok(good.clone())), &sample()), sample(), settings)
+                .unwrap();
         for answer in answers {
-            detector.network = Parrot(answer.clone());
+            detector.network.network = Parrot(answer.clone());
             assert!(detector.detect(picture).is_err(), "{answer:?}");
-            detector.network = Parrot(Ok(good.clone()));
+            detector.network.network = Parrot(Ok(good.clone()));
             assert_eq!(detector.detect(picture), Ok(&[][..]), "it recovers");
         }
     }

@@ -1,4 +1,4 @@
-"""`python -m nearfield_training toy|train|export|calibration-set ...`"""
+"""`python -m nearfield_training toy|train|export|calibration-set|goldens ...`"""
 
 import argparse
 import importlib
@@ -8,6 +8,7 @@ VERBS = {
     "train": ("train", "train a network on COCO folders; goes on where it was stopped"),
     "export": ("export", "write ONNX, int8, the card, and what Hailo's compiler needs"),
     "calibration-set": ("calibration_set", "write inputs for the quantisation by Hailo's compiler"),
+    "goldens": ("goldens", "write what onnxruntime makes of pictures, for the host's tests"),
 }
 
 

@@ -9,6 +9,8 @@ import numpy
 
 # Grey that surrounds pictures that do not fill the input.
 FILLING = 114
+# The class of everything that has no class of its own, where a network has it.
+OTHER = "other"
 # Boxes of which less remains after cropping are no longer that object.
 LEAST_VISIBLE = 0.35
 # Nothing smaller can be learnt at a stride of 8, pixels.
@@ -32,10 +34,14 @@ def class_names(folder: pathlib.Path) -> list[str]:
 def read_coco(folder: pathlib.Path, names: list[str], limit: int = 0) -> list[Sample]:
     """All pictures of a COCO folder (`images/`, `annotations.json`), kept in memory.
 
-    Categories that are not in `names` are left out.
+    Categories that are not in `names` become "other" if that is one of them, else they are left out.
     """
     content = json.loads((folder / "annotations.json").read_text())
-    wanted = {entry["id"]: names.index(entry["name"]) for entry in content["categories"] if entry["name"] in names}
+    wanted = {}
+    for entry in content["categories"]:
+        name = entry["name"] if entry["name"] in names else OTHER
+        if name in names:
+            wanted[entry["id"]] = names.index(name)
     boxes: dict[int, list] = {}
     for entry in content["annotations"]:
         if entry["category_id"] in wanted and not entry.get("iscrowd"):

@@ -84,7 +84,7 @@ class Run:
         decayed = [value for value in self.network.parameters() if value.ndim > 1]
         others = [value for value in self.network.parameters() if value.ndim <= 1]
         groups = [{"params": decayed, "weight_decay": 0.02}, {"params": others, "weight_decay": 0.0}]
-        self.optimiser = torch.optim.AdamW(groups, lr=options.rate, betas=(0.9, 0.99))
+        self.optimiser = torch.optim.AdamW(groups, lr=options.rate, betas=(0.9, 0.99), fused=True)
         self.average = MovingAverage(self.network)
         self.epoch, self.step, self.best, self.seconds = 0, 0, -1.0, 0.0
         if (self.out / "last.pt").exists() and not options.fresh:
@@ -215,7 +215,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--batch", type=int, default=16)
     parser.add_argument("--rate", type=float, default=2e-3, help="peak learning rate")
     parser.add_argument("--mosaic", type=float, default=0.7, help="share of inputs made of four pictures")
-    parser.add_argument("--classes", default="", help="names, comma between; default: all of train/")
+    parser.add_argument("--classes", default="", help="names, comma between; \"other\" takes all that are not named; default: all of train/")
     parser.add_argument("--limit", type=int, default=0, help="use only so many pictures; 0: all")
     parser.add_argument("--validate", type=int, default=300, help="validate on so many pictures; 0: all")
     parser.add_argument("--threads", type=int, default=1)

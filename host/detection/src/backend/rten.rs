@@ -9,7 +9,7 @@ use rten_tensor::{NdTensor, NdTensorView};
 
 use crate::card::ModelError;
 use crate::detector::Unknown;
-use crate::network::Network;
+use crate::network::Rows;
 
 /// An ONNX network in rten.
 pub struct RtenNetwork {
@@ -41,7 +41,7 @@ impl RtenNetwork {
     }
 }
 
-impl Network for RtenNetwork {
+impl Rows for RtenNetwork {
     fn infer(&mut self, input: &[f32], rows: &mut Vec<f32>) -> Result<(), Unknown> {
         let failed = |what: String| Unknown::Failed { what };
         let shape = [1, 3, self.side, self.side];

@@ -1,0 +1,156 @@
+//! The shipped network through every step here, against onnxruntime, Pillow and numpy on the same pictures.
+//!
+//! `goldens.json` was made by `python -m nearfield_training goldens` (see `host/training/README.md`), which shares no code
+//! with this crate. With the feature `ort`, and a library named in `ORT_DYLIB_PATH`, ONNX Runtime is held against it too.
+#![allow(clippy::unwrap_used, missing_docs)]
+
+use std::path::{Path, PathBuf};
+
+use nearfield_detection::backend::rten::RtenNetwork;
+use nearfield_detection::card::Card;
+use nearfield_detection::detector::{Detection, Detector, Picture};
+use nearfield_detection::letterbox::{Letterbox, Window};
+use nearfield_detection::model::{Backend, Choice};
+use nearfield_detection::network::{Rows, Settings};
+use nearfield_detection::tiles::Tiling;
+use serde::Deserialize;
+
+/// Input values may differ by one level of 255: the two resizers round apart.
+const LEVEL: f32 = 1.01 / 255.0;
+/// Rows from the same input: only the order of sums differs. Pixels for the geometry, shares for the scores.
+const ROW_PIXELS: f32 = 0.05;
+const ROW_SHARE: f32 = 0.002;
+/// Boxes at the end of everything.
+const BOX_PIXELS: f32 = 1.0;
+const BOX_SCORE: f32 = 0.02;
+/// As in the script.
+const LEAST_SCORE: f32 = 0.05;
+
+#[derive(Deserialize)]
+struct Golden {
+    picture: String,
+    input: Vec<(usize, f32)>,
+    rows: Vec<GoldenRow>,
+    boxes: Vec<GoldenBox>,
+}
+
+#[derive(Deserialize)]
+struct GoldenRow {
+    row: usize,
+    numbers: Vec<f32>,
+}
+
+#[derive(Deserialize)]
+struct GoldenBox {
+    class: usize,
+    score: f32,
+    place: [f32; 4],
+}
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/goldens")
+}
+
+fn goldens() -> Vec<(Golden, image::RgbImage)> {
+    let text = std::fs::read_to_string(folder().join("goldens.json")).unwrap();
+    let list: Vec<Golden> = serde_json::from_str(&text).unwrap();
+    assert!(list.len() >= 3 && list.iter().map(|golden| golden.boxes.len()).sum::<usize>() >= 5);
+    list.into_iter()
+        .map(|golden| {
+            let picture = image::open(folder().join(&golden.picture)).unwrap().to_rgb8();
+            (golden, picture)
+        })
+        .collect()
+}
+
+fn shipped() -> (Vec<u8>, Card) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("model");
+    let card = Card::beside(&folder.join("detector.onnx")).unwrap();
+    (std::fs::read(folder.join("detector.onnx")).unwrap(), card)
+}
+
+#[test]
+fn the_input_is_pillows() {
+    let (_, card) = shipped();
+    let mut letterbox = Letterbox::new(card.input_side);
+    for (golden, picture) in goldens() {
+        let window = Window { left: 0, top: 0, width: picture.width(), height: picture.height() };
+        let (input, _) = letterbox.fit(Picture::try_from(&picture).unwrap(), window).unwrap();
+        for (place, wanted) in &golden.input {
+            let got = input[*place];
+            assert!((got - wanted).abs() <= LEVEL, "{}: {got} at {place}, not {wanted}", golden.picture);
+        }
+    }
+}
+
+#[test]
+fn rten_computes_what_onnxruntime_computes() {
+    let (onnx, card) = shipped();
+    let mut network = RtenNetwork::new(onnx, card.input_side, 1, Path::new("detector.onnx")).unwrap();
+    let mut letterbox = Letterbox::new(card.input_side);
+    let mut rows = Vec::new();
+    let length = 5 + card.classes.len();
+    for (golden, picture) in goldens() {
+        let window = Window { left: 0, top: 0, width: picture.width(), height: picture.height() };
+        // Only pictures of the input's own size: there the two inputs are equal, and so must be the answers.
+        if (picture.width(), picture.height()) != (card.input_side, card.input_side) {
+            continue;
+        }
+        let (input, _) = letterbox.fit(Picture::try_from(&picture).unwrap(), window).unwrap();
+        network.infer(input, &mut rows).unwrap();
+        for GoldenRow { row, numbers } in &golden.rows {
+            for (index, (got, wanted)) in rows[row * length..][..length].iter().zip(numbers).enumerate() {
+                let most = if index < 4 { ROW_PIXELS } else { ROW_SHARE };
+                assert!((got - wanted).abs() <= most, "{}: row {row}: {got}, not {wanted}", golden.picture);
+            }
+        }
+    }
+}
+
+fn agrees(golden: &Golden, found: &[Detection]) {
+    // Boxes whose score lies at the threshold may be on either side of it.
+    let clear = golden.boxes.iter().filter(|wanted| wanted.score > LEAST_SCORE + BOX_SCORE);
+    for wanted in clear.clone() {
+        let near = |detection: &&Detection| {
+            let place = detection.place;
+            let got = [place.left, place.top, place.right, place.bottom];
+            detection.class == wanted.class
+                && (detection.score - wanted.score).abs() <= BOX_SCORE
+                && got.iter().zip(wanted.place).all(|(got, wanted)| (got - wanted).abs() <= BOX_PIXELS)
+        };
+        assert!(
+            found.iter().any(|detection| near(&detection)),
+            "{}: class {} with {} at {:?} is missing in {found:?}",
+            golden.picture,
+            wanted.class,
+            wanted.score,
+            wanted.place
+        );
+    }
+    let most = golden.boxes.len() + 2;
+    let least = clear.count();
+    assert!((least..=most).contains(&found.len()), "{}: {} boxes, not {most}", golden.picture, found.len());
+}
+
+fn boxes_agree(backend: Backend) {
+    let settings = Settings { tiling: Tiling::Off, least_score: Some(LEAST_SCORE) };
+    let mut detector = Choice { model: None, backend, settings, threads: 1 }.load().unwrap();
+    for (golden, picture) in goldens() {
+        agrees(&golden, detector.detect(Picture::try_from(&picture).unwrap()).unwrap());
+    }
+}
+
+#[test]
+fn rten_finds_the_same_boxes() {
+    boxes_agree(Backend::Rten);
+}
+
+#[cfg(feature = "ort")]
+#[test]
+fn onnxruntime_finds_the_same_boxes() {
+    if std::env::var_os("ORT_DYLIB_PATH").is_none() {
+        eprintln!("left out: ORT_DYLIB_PATH names no libonnxruntime.so");
+        return;
+    }
+    boxes_agree(Backend::Ort);
+}
