@@ -30,6 +30,7 @@ pub mod twin;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use nearfield_detection::cli::{detect, evaluate};
 
 /// Bad input: a file that cannot be used, an argument that makes no sense.
 const BAD_INPUT: u8 = 2;
@@ -49,6 +50,8 @@ enum Command {
     Capability(capability::CapabilityArguments),
     Config(config::ConfigArguments),
     Demo(demo::Demo),
+    Detect(detect::Detect),
+    Evaluate(evaluate::Evaluate),
     Inspect(inspect::Inspect),
     Extract(extract::Extract),
     Replay(replay::Replay),
@@ -73,6 +76,8 @@ impl CommandLine {
             Command::Capability(capability) => capability.run(),
             Command::Config(config) => config.run(),
             Command::Demo(demo) => demo.run(),
+            Command::Detect(detect) => detect.run(),
+            Command::Evaluate(evaluate) => evaluate.run(),
             Command::Inspect(inspect) => inspect.run(),
             Command::Extract(extract) => extract.run(),
             Command::Replay(replay) => replay.run(),

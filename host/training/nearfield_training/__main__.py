@@ -1,4 +1,4 @@
-"""`python -m nearfield_training toy|train|export|calibration-set|goldens ...`"""
+"""`python -m nearfield_training toy|train|export|calibration-set|cross-check|goldens ...`"""
 
 import argparse
 import importlib
@@ -8,6 +8,7 @@ VERBS = {
     "train": ("train", "train a network on COCO folders; goes on where it was stopped"),
     "export": ("export", "write ONNX, int8, the card, and what Hailo's compiler needs"),
     "calibration-set": ("calibration_set", "write inputs for the quantisation by Hailo's compiler"),
+    "cross-check": ("cross_check", "hold `nearfield evaluate` against pycocotools"),
     "goldens": ("goldens", "write what onnxruntime makes of pictures, for the host's tests"),
 }
 

@@ -16,6 +16,7 @@ mod seeded_faults;
 mod setup;
 mod slow_tests;
 mod tools;
+mod train_smoke;
 
 use anyhow::{Result, bail};
 use run::Step;
@@ -39,6 +40,7 @@ nearfield's chores. Each sets up what it needs by itself.
   cargo xtask budget     flash, RAM, stack and instructions of the firmware against tests/budget.toml
                          (--write keeps the measured figures plus headroom as the new budget)
   cargo xtask bench      what a frame of 2304 x 1296 costs the host, against the sum of the bytes that it reads
+  cargo xtask train-smoke  half a minute of training the detector on toy pictures, up to being judged (Python, PyPI)
   cargo xtask lint       format and lints only
   cargo xtask panic-free the proof by linking that the safety core cannot panic
 
@@ -114,6 +116,7 @@ fn dispatch(verb: &str, rest: &[String]) -> Result<()> {
         "fuzz" => fuzz::run(rest),
         "miri" => miri::check(rest),
         "audit" => audit::check(rest),
+        "train-smoke" => train_smoke::run(),
         "help" | "-h" | "--help" => {
             print!("{HELP}");
             Ok(())

@@ -296,3 +296,6 @@ fn reliable(verdicts: &[Verdict]) -> Vec<(f32, bool)> {
         .map(|verdict| (verdict.detection.score as f32, verdict.truth.is_some()))
         .collect()
 }
+
+#[cfg(test)]
+mod tests;
