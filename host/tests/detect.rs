@@ -39,16 +39,6 @@ fn what_cannot_be_used_is_named_and_the_others_are_still_reported() {
 }
 
 #[test]
-fn a_late_answer_is_unknown_and_not_an_empty_floor() {
-    let directory = tempfile::tempdir().unwrap();
-    let path = grey(directory.path(), "good.png").display().to_string();
-    let output = nearfield(&["detect", "--json", "--deadline", "0", &path]);
-    assert_eq!(output.status.code(), Some(2));
-    let report = &lines(&output)[0];
-    assert!(report["unknown"].as_str().unwrap().contains("no answer within") && report["objects"].is_null());
-}
-
-#[test]
 fn drawings_of_pictures_with_one_name_do_not_overwrite_each_other() {
     let directory = tempfile::tempdir().unwrap();
     let other = directory.path().join("other");

@@ -50,49 +50,53 @@ def random_folder(folder: pathlib.Path, random: numpy.random.Generator) -> None:
     (folder / "detections.json").write_text(json.dumps(detections))
 
 
-def reference(folder: pathlib.Path, detections: pathlib.Path) -> list[float]:
-    """pycocotools' twelve numbers."""
+def reference(folder: pathlib.Path, detections: pathlib.Path, names: list[str]) -> list[float]:
+    """pycocotools' twelve numbers over the categories of these names."""
     with contextlib.redirect_stdout(io.StringIO()):
         truth = COCO(str(folder / "annotations.json"))
         evaluation = COCOeval(truth, truth.loadRes(str(detections)), "bbox")
+        evaluation.params.catIds = [number for number in truth.getCatIds() if truth.cats[number]["name"] in names]
         evaluation.evaluate()
         evaluation.accumulate()
         evaluation.summarize()
     return [float(value) for value in evaluation.stats]
 
 
-def compare(program: str, folder: pathlib.Path, detections: pathlib.Path) -> float:
+def compare(program: list[str], folder: pathlib.Path, detections: pathlib.Path) -> float:
     """The largest difference of a figure."""
-    command = [program, "evaluate", "--json", "--dataset", str(folder), "--detections", str(detections)]
+    command = [*program, "--json", "--dataset", str(folder), "--detections", str(detections)]
     answer = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
     ours = [answer[0]["coco"][figure] for figure in FIGURES]
-    return max(abs(one - other) for one, other in zip(ours, reference(folder, detections)))
+    names = [entry["class"] for entry in answer[0]["classes"]]
+    return max(abs(one - other) for one, other in zip(ours, reference(folder, detections, names)))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `cross-check`."""
     parser.add_argument("--program", default="../../target/release/nearfield", help="the command nearfield")
-    parser.add_argument("--data", type=pathlib.Path, help="a COCO folder of which the program knows all categories")
+    parser.add_argument("--model", type=pathlib.Path, help="a network other than the built-in one")
+    parser.add_argument("--data", type=pathlib.Path, help="a COCO folder; categories that the program does not know are left out")
     parser.add_argument("--rounds", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
 
 
 def run(options: argparse.Namespace) -> None:
     """Compares; ends with an error where figures differ."""
+    program = [options.program, "evaluate", *(["--model", str(options.model)] if options.model else [])]
     worst = 0.0
     for round_number in range(options.rounds):
         with tempfile.TemporaryDirectory() as scratch:
             folder = pathlib.Path(scratch) / "data"
             random_folder(folder, numpy.random.default_rng([options.seed, round_number]))
-            difference = compare(options.program, folder, folder / "detections.json")
+            difference = compare(program, folder, folder / "detections.json")
             print(f"random, seed {options.seed}/{round_number}: {difference:.2e}")
             worst = max(worst, difference)
     if options.data:
         with tempfile.TemporaryDirectory() as scratch:
             detections = pathlib.Path(scratch) / "detections.json"
-            command = [options.program, "evaluate", "--dataset", str(options.data), "--write-detections", str(detections)]
+            command = [*program, "--dataset", str(options.data), "--write-detections", str(detections)]
             subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-            difference = compare(options.program, options.data, detections)
+            difference = compare(program, options.data, detections)
             print(f"{options.data}: {difference:.2e}")
             worst = max(worst, difference)
     if worst > MOST_DIFFERENCE:

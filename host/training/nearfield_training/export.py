@@ -3,6 +3,7 @@
 | file | for |
 |---|---|
 | NAME.onnx, NAME.json | the host: network with decoded boxes, and its card |
+| NAME-compact.onnx | the same in a quarter of the size: kernels are stored as bytes and computed with as floats |
 | NAME-int8.onnx | the host's backend onnxruntime: weights and features of the convolutions in 8 bits |
 | NAME-heads.onnx | Hailo's parser: the three outputs without the arithmetic behind them |
 | NAME.alls, NAME-nms.json | Hailo's compiler: model script, and boxes and suppression on the Pi |
@@ -44,6 +45,34 @@ def write_onnx(network: Yolo, side: int, path: pathlib.Path, decoded: bool) -> N
     )
     network.decoded = False
     onnx.checker.check_model(onnx.load(str(path)))
+
+
+def write_compact(source: pathlib.Path, target: pathlib.Path) -> None:
+    """The same network with its kernels as bytes, a scale for each output channel: a quarter of the size.
+
+    They are turned back into floats when the network is loaded; only the rounding of the kernels remains.
+    """
+    model = onnx.load(str(source))
+    graph = model.graph
+    kernels = {node.input[1] for node in graph.node if node.op_type == "Conv"}
+    kept, nodes = [], []
+    for tensor in graph.initializer:
+        if tensor.name not in kernels:
+            kept.append(tensor)
+            continue
+        values = onnx.numpy_helper.to_array(tensor)
+        scale = numpy.abs(values).reshape(len(values), -1).max(1).clip(1e-12) / 127
+        rounded = numpy.round(values / scale[:, None, None, None]).astype(numpy.int8)
+        parts = {"bytes": rounded, "scale": scale.astype(numpy.float32), "zero": numpy.zeros(len(values), numpy.int8)}
+        names = [f"{tensor.name}.{part}" for part in parts]
+        kept += [onnx.numpy_helper.from_array(value, name) for name, value in zip(names, parts.values())]
+        nodes.append(onnx.helper.make_node("DequantizeLinear", names, [tensor.name], axis=0))
+    nodes += list(graph.node)
+    del graph.initializer[:], graph.node[:]
+    graph.initializer.extend(kept)
+    graph.node.extend(nodes)
+    onnx.checker.check_model(model)
+    onnx.save(model, str(target))
 
 
 def card(state: dict, name: str, about: dict) -> dict:
@@ -135,8 +164,11 @@ def run(options: argparse.Namespace) -> None:
     write_onnx(network, state["side"], plain, decoded=True)
     write_onnx(network, state["side"], heads, decoded=False)
     write_hailo(heads, state, options.out / f"{options.name}.alls", options.out / f"{options.name}-nms.json")
+    compact = options.out / f"{options.name}-compact.onnx"
+    write_compact(plain, compact)
     about = {"architecture": f"YOLOv5 version 6, {state['scale']}", "epochs": state["epoch"], "seed": state["seed"]}
-    plain.with_suffix(".json").write_text(json.dumps(card(state, options.name, about), indent=2) + "\n")
+    for path in (plain, compact):
+        path.with_suffix(".json").write_text(json.dumps(card(state, path.stem, about), indent=2) + "\n")
     if options.data:
         samples = read_coco(options.data, class_names(options.data), options.images)
         inputs = [letterbox(sample.picture, state["side"])[0] for sample in samples]

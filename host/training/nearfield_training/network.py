@@ -30,7 +30,8 @@ class ConvolutionBlock(nn.Module):
         padding = kernel // 2 if padding is None else padding
         self.convolution = nn.Conv2d(inputs, outputs, kernel, stride, padding, bias=False)
         self.normalisation: nn.Module = nn.BatchNorm2d(outputs, eps=1e-3, momentum=0.03)
-        self.activation = nn.SiLU(inplace=True)
+        # Not in place: its gradient needs the input, which would be copied before.
+        self.activation = nn.SiLU()
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         """Features in, features out."""

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from nearfield_training.dataset import Augmentation, Sample, paste, resized, turned
-from nearfield_training.export import card, head_layers, write_hailo, write_onnx
+from nearfield_training.export import card, head_layers, write_compact, write_hailo, write_onnx
 from nearfield_training.loss import assign, complete_overlap, detection_loss
 from nearfield_training.network import ANCHORS, STRIDES, Yolo
 from nearfield_training.predict import boxes_of, letterbox, suppress
@@ -145,6 +145,20 @@ def test_the_exported_network_computes_the_same(tmp_path):
     got = session.run(None, {"picture": picture.numpy()})[0]
     assert got.shape == (1, 3 * (64 + 16 + 4), 8)
     assert numpy.abs(got - expected).max() < 2e-3
+
+
+def test_the_compact_network_computes_nearly_the_same_in_a_quarter_of_the_size(tmp_path):
+    import onnxruntime
+
+    torch.manual_seed(6)
+    network = Yolo("n", 3).eval().fuse()
+    write_onnx(network, 64, tmp_path / "x.onnx", decoded=True)
+    write_compact(tmp_path / "x.onnx", tmp_path / "c.onnx")
+    assert (tmp_path / "c.onnx").stat().st_size < 0.3 * (tmp_path / "x.onnx").stat().st_size
+    picture = {"picture": torch.rand(1, 3, 64, 64).numpy()}
+    plain, compact = (onnxruntime.InferenceSession(str(tmp_path / name)).run(None, picture)[0] for name in ("x.onnx", "c.onnx"))
+    difference = numpy.abs(plain[..., 4:] - compact[..., 4:]).max()
+    assert 0 < difference < 0.02
 
 
 def test_hailos_files_name_the_three_outputs(tmp_path):

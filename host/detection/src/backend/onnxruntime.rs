@@ -40,8 +40,8 @@ impl OrtNetwork {
         };
         let builder = Session::builder(&environment).map_err(|error| bad(&error))?;
         let builder = builder.with_intra_threads(threads.max(1)).map_err(|error| bad(&error))?;
-        let mut builder =
-            builder.with_optimization_level(GraphOptimizationLevel::Level3).map_err(|error| bad(&error))?;
+        let builder = builder.with_optimization_level(GraphOptimizationLevel::Level3).map_err(|error| bad(&error))?;
+        let mut builder = builder.with_quant_qdq(computes_in_bytes(onnx)).map_err(|error| bad(&error))?;
         let session = builder.commit_from_memory(onnx).map_err(|error| bad(&error))?;
         if session.inputs().len() != 1 || session.outputs().len() != 1 {
             let (inputs, outputs) = (session.inputs().len(), session.outputs().len());
@@ -49,6 +49,14 @@ impl OrtNetwork {
         }
         Ok(Self { session, side: side as usize })
     }
+}
+
+/// Does the network compute in bytes, or are only its kernels stored so? In the second case they shall be turned into
+/// floats once, while loading. Telling sign: features are made bytes by `QuantizeLinear`; kernels only need
+/// `DequantizeLinear`, whose name does not contain the other with its capital letter.
+fn computes_in_bytes(onnx: &[u8]) -> bool {
+    const SIGN: &[u8] = b"QuantizeLinear";
+    onnx.windows(SIGN.len()).any(|window| window == SIGN)
 }
 
 impl Rows for OrtNetwork {
