@@ -8,6 +8,7 @@
 //!
 //! The two meet in [`mailbox::Mailbox`] only, whose writer never waits: a detector that takes ten seconds delays nothing.
 
+pub mod detector_eye;
 pub mod latency;
 pub mod mailbox;
 pub mod semantics;
