@@ -186,6 +186,8 @@ impl Group {
             .env("CARGO_PROFILE_TEST_OPT_LEVEL", optimisation)
             .env("CARGO_PROFILE_TEST_DEBUG", "0")
             .env("CARGO_INCREMENTAL", "1")
+            // A backtrace for each of a mutant's failures costs more processor time than the tests.
+            .env("RUST_BACKTRACE", "0")
             .without("CARGO_TARGET_DIR");
         step.run_with_codes(&[0, 2, 3])?;
         keep_verdicts(&self.output())
