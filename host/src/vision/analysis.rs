@@ -154,6 +154,27 @@ impl Analyser {
             }
         }
         self.objects.sort_unstable_by(|one, other| one.start.get().total_cmp(&other.start.get()));
+        self.join_objects();
+    }
+
+    /// What lies in one gap, with no floor between, is one object: as high as its highest part.
+    fn join_objects(&mut self) {
+        let gaps = &self.gaps;
+        self.objects.dedup_by(|next, before| {
+            let one_gap = gaps.iter().any(|gap| {
+                let middle = |object: &StripeObject| (object.start.get() + object.end.get()) / 2.0;
+                let inside = |place: f32| (gap.start.get()..=gap.end.get()).contains(&place);
+                inside(middle(next)) && inside(middle(before))
+            });
+            let (Some(height), Some(next_height)) = (before.height, next.height) else { return false };
+            if one_gap {
+                if next_height.get().abs() > height.get().abs() {
+                    (before.height, before.size) = (next.height, next.size);
+                }
+                before.end = Millimetres::new(before.end.get().max(next.end.get()));
+            }
+            one_gap
+        });
     }
 
     /// The extraction of the last frame.

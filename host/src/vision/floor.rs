@@ -4,11 +4,16 @@
 //! little contrast proves it. What counts as enough is measured in the picture itself: the contrast must exceed what
 //! texture and noise reach just beside the stripe. Where the whole stripe is weak, neighbouring columns are averaged,
 //! over a fraction of what a gap may be long; and an end of the stripe is where its contrast has fallen to half, so
-//! that averaging moves none.
+//! that averaging moves none. Where the edge of a paint hides the stripe, the column is explained by both together
+//! ([`super::edge`]).
 
+mod beside_edges;
+
+use super::edge::EdgeModel;
 use super::grid::{Grid, GridColumn};
-use super::peak::{self, Kernel, Peak};
-use super::signal::Signal;
+use super::measure::Bench;
+use super::peak::Peak;
+use super::signal::{RowSearch, Signal};
 
 /// Contrast in standard deviations of the background's running mean from which on a column is lit. The smallest
 /// quality that counts on the MCU stands for it.
@@ -32,21 +37,19 @@ const BRIDGED_MM: f32 = 1.0;
 const GLOW_WIDTH: f32 = 2.0;
 /// ... and dimmer than this share of its usual contrast.
 const GLOW_SHARE: f32 = 0.5;
-/// Columns are averaged where the stripe around is weaker than this, in standard deviations ...
+/// Columns are averaged where the stripe around is weaker than this, in standard deviations.
 const WEAK_CONTRAST: f32 = 2.0 * SURE_CONTRAST;
-/// ... over so many millimetres on both sides.
-const AVERAGED_MM: f32 = 1.0;
 /// Averaged columns vary together, several at a time, so that chance makes a whole stretch: they must stand out more.
 const AVERAGED_PENALTY: f32 = 1.3;
-/// ... but never over more columns on each side.
-const MOST_AVERAGED: usize = 4;
 /// The background's variation is pooled over this many columns on both sides.
 const POOLED_COLUMNS: usize = 16;
+/// ... and is not believed above so many times the median over the stripe.
+const MOST_NOISE: f32 = 3.0;
 /// Variation below this is not believed (levels of the running mean): quantisation and compression hide it, and leave
 /// ripples of a few levels themselves.
 const LEAST_NOISE: f32 = 0.8;
-/// The background's variation is measured in every so manieth column: it is pooled anyway.
-const NOISE_STRIDE: usize = 8;
+/// Columns that an edge may hide between two sure ones, millimetres.
+const HIDDEN_MM: f32 = 3.5;
 
 /// One column's finding. Rows are rows of samples.
 #[derive(Debug, Clone, Copy)]
@@ -59,10 +62,52 @@ pub struct FloorColumn {
     pub row: f32,
     /// The stripe is lit here, at the floor's row.
     pub lit: bool,
+    /// How far the rows in question stand out from the lower side.
+    rise: f32,
+    /// It needs a closer look.
+    doubtful: bool,
+    /// The ridge as it must be here, if the edge of a paint hides it.
+    hidden: Option<Peak>,
+    /// The ridge in the mean over the neighbours.
+    averaged: Option<Peak>,
+    /// A ridge that may be the colour fringe of an edge.
+    fringe: Option<Peak>,
+}
+
+/// Length of the stripe in one column, millimetres.
+fn pitch(grid: &Grid, index: usize) -> f32 {
+    let place = |index: usize| grid.columns().get(index).map_or(f32::NAN, |column| column.place);
+    let (before, after) = (place(index.saturating_sub(1)), place(index + 1));
+    let columns = if index == 0 { 1.0 } else { 2.0 };
+    (after - before).abs() / columns
 }
 
 impl FloorColumn {
-    const UNKNOWN: Self = Self { peak: None, noise: f32::NAN, row: f32::NAN, lit: false };
+    /// Surely a ridge at the floor's row, and not beside an edge.
+    fn is_like_floor(&self, place: &GridColumn) -> bool {
+        self.significance() >= 2.0 * SURE_CONTRAST
+            && self.peak.is_some_and(|peak| {
+                (peak.row - place.floor_row).abs() <= place.tolerance && peak.contrast >= peak.rise / 2.0
+            })
+    }
+
+    const UNKNOWN: Self = Self {
+        peak: None,
+        noise: f32::NAN,
+        row: f32::NAN,
+        lit: false,
+        rise: 0.0,
+        doubtful: false,
+        hidden: None,
+        averaged: None,
+        fringe: None,
+    };
+
+    /// Lit, and if nothing is seen because of an edge, at the row at which the stripe must be.
+    fn light(&mut self) {
+        self.lit = true;
+        self.peak = self.hidden.or(self.peak);
+    }
 
     /// Contrast in standard deviations; zero where there is none.
     #[must_use]
@@ -86,7 +131,7 @@ pub fn is_fringe<S: Signal>(signal: S, column: usize, peak: &Peak) -> bool {
     if peak.contrast >= FRINGE_SHARE * WHOLE_STEP {
         return false;
     }
-    let near = Kernel::for_step(S::STEP).near;
+    let near = (peak.width / 2.0).ceil() as usize + 1;
     let crest = peak.row.round().max(0.0) as usize;
     let tones = (crest.saturating_sub(near)..(crest + near + 1).min(signal.rows()))
         .map(|row| signal.tone(column, row));
@@ -94,24 +139,12 @@ pub fn is_fringe<S: Signal>(signal: S, column: usize, peak: &Peak) -> bool {
     peak.contrast < FRINGE_SHARE * f32::from(high.saturating_sub(low))
 }
 
-/// The ridge at the floor's row of one column of `signal`, unless it is a colour fringe of the `picture`.
-fn find<S: Signal, P: Signal>(signal: S, picture: P, column: usize, place: &GridColumn) -> Option<Peak> {
-    let centre = row_within(signal.rows(), place)?;
-    let reach = place.tolerance.ceil() as usize + 1;
-    peak::find(signal, column, centre, reach, true).filter(|peak| !is_fringe(picture, column, peak))
-}
-
-/// The background's variation in one of every [`NOISE_STRIDE`] columns; NaN in the others.
-fn noise_of<S: Signal>(signal: S, column: usize, place: &GridColumn, index: usize) -> f32 {
-    match row_within(signal.rows(), place) {
-        Some(centre) if index.is_multiple_of(NOISE_STRIDE) => peak::roughness(signal, column, centre),
-        _ => f32::NAN,
-    }
-}
-
-fn row_within(rows: usize, place: &GridColumn) -> Option<usize> {
-    let row = place.floor_row.round();
-    (row >= 0.0 && row < rows as f32).then_some(row as usize)
+/// The median of what is no NaN; infinite of nothing. Leaves the values in another order.
+fn median(values: &mut [f32]) -> f32 {
+    // NaN sorts behind everything.
+    values.sort_unstable_by(f32::total_cmp);
+    let count = values.partition_point(|value| !value.is_nan());
+    values[..count].get(count / 2).copied().unwrap_or(f32::INFINITY)
 }
 
 /// Mean of the values within [`POOLED_COLUMNS`] on both sides that are not NaN; infinite where there are none, so
@@ -135,69 +168,6 @@ fn pool(values: &[f32], pooled: &mut [f32]) {
     }
 }
 
-/// A picture averaged along the floor's stripe: each sample with those that lie [`AVERAGED_MM`] before and after it at
-/// the same distance from the stripe.
-#[derive(Clone, Copy)]
-struct Averaged<'a, S> {
-    signal: S,
-    grid: &'a Grid,
-    /// The grid's column that is looked at.
-    index: usize,
-}
-
-impl<S: Signal> Signal for Averaged<'_, S> {
-    const STEP: usize = S::STEP;
-
-    fn columns(&self) -> usize {
-        self.signal.columns()
-    }
-
-    fn rows(&self) -> usize {
-        self.signal.rows()
-    }
-
-    fn value(&self, _column: usize, row: usize) -> i16 {
-        let columns = self.grid.columns();
-        let Some(here) = columns.get(self.index) else { return 0 };
-        let (mut sum, mut count) = (0_i32, 0_i32);
-        for other in self.index.saturating_sub(MOST_AVERAGED)..=self.index + MOST_AVERAGED {
-            let Some(place) = columns.get(other) else { break };
-            if (place.place - here.place).abs() <= AVERAGED_MM {
-                let shifted = row as f32 + place.floor_row.round() - here.floor_row.round();
-                sum += i32::from(self.signal.value(self.grid.first() + other, shifted.max(0.0) as usize));
-                count += 1;
-            }
-        }
-        // Rounded to the nearest, also below zero.
-        ((2 * sum + count).div_euclid(2 * count.max(1))) as i16
-    }
-
-    fn tone(&self, column: usize, row: usize) -> i16 {
-        self.signal.tone(column, row)
-    }
-
-    fn is_clipped(&self, column: usize, row: usize) -> bool {
-        self.signal.is_clipped(column, row)
-    }
-
-    fn glow(&self, column: usize, row: usize) -> i16 {
-        self.signal.glow(column, row)
-    }
-}
-
-/// The runs of columns that are not lit, each with its part of `values`.
-fn runs<'a>(
-    columns: &'a mut [FloorColumn],
-    values: &'a [f32],
-) -> impl Iterator<Item = (&'a mut [FloorColumn], &'a [f32])> {
-    let mut rest = values;
-    columns.chunk_by_mut(|one, other| one.lit == other.lit).filter_map(move |run| {
-        let (shares, after) = rest.split_at(run.len());
-        rest = after;
-        run.first().is_some_and(|column| !column.lit).then_some((run, shares))
-    })
-}
-
 /// Finds the floor's stripe in all columns of a grid; owns its memory.
 #[derive(Debug, Clone)]
 pub struct FloorFinder {
@@ -205,6 +175,8 @@ pub struct FloorFinder {
     scratch: Vec<f32>,
     pooled: Vec<f32>,
     usual: UsualStripe,
+    bench: Bench,
+    edges: EdgeModel,
 }
 
 /// What the stripe looks like in one frame.
@@ -230,6 +202,8 @@ impl FloorFinder {
             scratch: vec![0.0; count],
             pooled: vec![0.0; count],
             usual: UsualStripe::UNKNOWN,
+            bench: Bench::default(),
+            edges: EdgeModel::new(),
         }
     }
 
@@ -246,59 +220,70 @@ impl FloorFinder {
     }
 
     /// Looks at one frame.
-    pub fn find<S: Signal>(&mut self, signal: S, grid: &Grid) {
+    pub fn find<S: RowSearch>(&mut self, signal: S, grid: &Grid) {
         self.measure(signal, grid);
         self.strengthen(signal, grid);
+        self.usual = self.usual_stripe();
+        self.explain_edges(signal, grid);
         self.decide(grid);
         self.settle_rows(grid);
     }
 
-    fn measure<S: Signal>(&mut self, signal: S, grid: &Grid) {
-        for (index, (found, place)) in self.columns.iter_mut().zip(grid.columns()).enumerate() {
-            let column = grid.first() + index;
-            *found = FloorColumn::UNKNOWN;
-            found.peak = find(signal, signal, column, place);
-            self.scratch[index] = noise_of(signal, column, place, index);
-        }
+    fn measure<S: RowSearch>(&mut self, signal: S, grid: &Grid) {
+        let (columns, noise) = (&mut self.columns, &mut self.scratch);
+        self.bench.measure(signal, grid, |index, found| {
+            columns[index] = FloorColumn { peak: found.peak, rise: found.rise, ..FloorColumn::UNKNOWN };
+            columns[index].doubtful = found.doubtful;
+            noise[index] = found.noise;
+        });
         pool(&self.scratch, &mut self.pooled);
-        for (found, noise) in self.columns.iter_mut().zip(&self.pooled) {
-            found.noise = noise.max(LEAST_NOISE);
+        // Edges that run along the stripe for long look like texture; the rest of the floor tells.
+        let usual = median(&mut self.scratch);
+        let most = MOST_NOISE * usual.max(LEAST_NOISE);
+        for (index, (found, noise)) in self.columns.iter_mut().zip(&self.pooled).enumerate() {
+            found.noise = if noise.is_finite() { noise.clamp(LEAST_NOISE, most) } else { *noise };
+            let doubtful = found.doubtful && found.rise >= SURE_CONTRAST * found.noise;
+            if doubtful {
+                found.peak = self.bench.remeasure(signal, grid, index);
+            }
+            if let Some(peak) = found.peak.filter(|peak| is_fringe(signal, grid.first() + index, peak)) {
+                (found.peak, found.fringe) = (None, Some(peak));
+            }
         }
     }
 
     /// Measures the columns of weak stretches again, each averaged with its neighbours along the stripe.
-    fn strengthen<S: Signal>(&mut self, signal: S, grid: &Grid) {
+    fn strengthen<S: RowSearch>(&mut self, signal: S, grid: &Grid) {
         for (significance, column) in self.scratch.iter_mut().zip(&self.columns) {
             *significance = column.significance();
         }
         pool(&self.scratch, &mut self.pooled);
-        if self.pooled.iter().all(|significance| *significance >= WEAK_CONTRAST) {
+        let (columns, weak, noise) = (&mut self.columns, &self.pooled, &mut self.scratch);
+        if weak.iter().all(|significance| *significance >= WEAK_CONTRAST) {
             return;
         }
-        for (index, (noise, place)) in self.scratch.iter_mut().zip(grid.columns()).enumerate() {
-            let averaged = Averaged { signal, grid, index };
-            *noise = noise_of(averaged, grid.first() + index, place, index);
-        }
-        // `pooled` tells where the stripe is weak until the averaged noise takes its place.
-        for (significance, column) in self.pooled.iter().zip(&mut self.columns) {
-            column.lit = *significance < WEAK_CONTRAST;
-        }
+        noise.fill(f32::NAN);
+        let is_weak = |index: usize| weak[index] < WEAK_CONTRAST;
+        self.bench.measure_averaged(signal, grid, is_weak, |index, found| {
+            noise[index] = found.noise;
+            if is_weak(index)
+                && let Some(peak) = found.peak.filter(|peak| !is_fringe(signal, grid.first() + index, peak))
+            {
+                columns[index].averaged = Some(peak);
+            }
+        });
         pool(&self.scratch, &mut self.pooled);
-        for (index, (found, place)) in self.columns.iter_mut().zip(grid.columns()).enumerate() {
-            if std::mem::take(&mut found.lit) {
-                let averaged = Averaged { signal, grid, index };
-                let noise = AVERAGED_PENALTY * self.pooled[index].max(LEAST_NOISE);
-                if let Some(peak) = find(averaged, signal, grid.first() + index, place)
-                    && peak.contrast / noise > found.significance()
-                {
-                    (found.peak, found.noise) = (Some(peak), noise);
-                }
+        for (column, noise) in self.columns.iter_mut().zip(&self.pooled) {
+            let noise = AVERAGED_PENALTY * noise.max(LEAST_NOISE / 2.0);
+            if let Some(peak) = column.averaged.take()
+                && peak.contrast / noise > column.significance()
+            {
+                (column.peak, column.noise) = (Some(peak), noise);
             }
         }
     }
 
     fn decide(&mut self, grid: &Grid) {
-        self.usual = self.usual_stripe();
         let usual = self.usual;
         for (contrast, column) in self.scratch.iter_mut().zip(&self.columns) {
             *contrast = column.contrast();
@@ -316,12 +301,39 @@ impl FloorFinder {
             self.pooled[index] = share;
             column.lit = share >= SPREAD_SHARE;
         }
-        for (columns, shares) in runs(&mut self.columns, &self.pooled) {
-            if shares.iter().all(|share| *share >= GONE_SHARE) {
-                columns.iter_mut().for_each(|column| column.lit = true);
-            }
-        }
+        self.keep_transitions(grid);
         self.bridge(grid);
+    }
+
+    /// Where the contrast falls and rises again, not far, speckle or grout is the reason; where it falls and stays low,
+    /// the floor is darker from there on. Neither is an end.
+    fn keep_transitions(&mut self, grid: &Grid) {
+        let mut start = 0;
+        while let Some(length) =
+            self.columns.get(start..).and_then(|rest| rest.iter().position(|column| !column.lit))
+        {
+            let first = start + length;
+            let rest = &self.columns[first..];
+            let end = first + rest.iter().position(|column| column.lit).unwrap_or(rest.len());
+            let level = |index: Option<usize>| {
+                index.and_then(|index| self.columns.get(index)).map_or(f32::INFINITY, FloorColumn::contrast)
+            };
+            let around = level(first.checked_sub(1)).min(level(Some(end)));
+            // NaN, where there is no stripe to judge, is neither.
+            let dips = self.pooled[first..end].iter().all(|share| *share >= GONE_SHARE);
+            let is_dim = |index: usize| {
+                !self.pooled[index].is_nan() && self.columns[index].contrast() >= SPREAD_SHARE * around
+            };
+            let hidden = (first..end).filter(|index| !is_dim(*index));
+            let is_bound = around.is_finite();
+            let changes = is_bound
+                && hidden.clone().all(|index| self.columns[index].hidden.is_some())
+                && hidden.count() as f32 * pitch(grid, first) <= HIDDEN_MM;
+            if dips || changes {
+                self.columns[first..end].iter_mut().for_each(FloorColumn::light);
+            }
+            start = end;
+        }
     }
 
     /// The mean of what is surely no noise.
@@ -346,10 +358,16 @@ impl FloorFinder {
                 if let Some(before) = sure {
                     let length = (grid.columns()[index].place - grid.columns()[before].place).abs();
                     let between = &mut self.columns[before + 1..index];
+                    let is_hidden = |column: &FloorColumn| {
+                        column.hidden.is_some() || column.significance() >= SURE_CONTRAST
+                    };
                     if length <= BRIDGED_MM || between.len() == 1 {
-                        for column in between {
-                            column.lit = column.significance() >= BETWEEN_CONTRAST;
-                        }
+                        let seen = |column: &&mut FloorColumn| {
+                            column.hidden.is_some() || column.significance() >= BETWEEN_CONTRAST
+                        };
+                        between.iter_mut().filter(seen).for_each(FloorColumn::light);
+                    } else if length <= HIDDEN_MM && between.iter().all(is_hidden) {
+                        between.iter_mut().for_each(FloorColumn::light);
                     }
                 }
                 sure = Some(index);

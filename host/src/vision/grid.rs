@@ -1,5 +1,6 @@
 //! Where in the picture the laser's sheet can be seen: the extraction's map, one entry per column of samples.
 
+use nearfield_shared::camera::Vector;
 use nearfield_shared::columns::{ColumnMap, Decimation, GeometryError, StripeGeometry};
 use nearfield_shared::limits::{DEEPEST_MAPPED, FLOOR_TOLERANCE, HIGHEST_MAPPED, LARGEST_IMAGE_WIDTH};
 use nearfield_shared::rig::Rig;
@@ -21,6 +22,8 @@ pub struct GridColumn {
     pub place: f32,
     /// Rows that the stripe may be off and still be floor.
     pub tolerance: f32,
+    /// Rows that the stripe on the floor takes at half of its height, as far as the rig tells.
+    pub width: f32,
     /// First row that shows heights within the mapped range.
     pub first_row: u16,
     /// One past the last such row.
@@ -47,7 +50,8 @@ impl Grid {
         let columns: Vec<GridColumn> = (first..end.max(first))
             .filter_map(|column| {
                 let maps = [geometry.map(column * step)?, geometry.map(column * step + step - 1)?];
-                Some(GridColumn::new(maps, step, rows))
+                let width = stripe_width(rig, f64::from(maps[0].floor_place), step);
+                Some(GridColumn::new(maps, width, step, rows))
             })
             .collect();
         let mut segments = vec![0..0; rows.div_ceil(SEGMENT_ROWS)];
@@ -100,7 +104,7 @@ impl Grid {
 
 impl GridColumn {
     /// From the maps of the entry's outer image columns (the same one for a step of 1).
-    fn new(maps: [&ColumnMap; 2], step: usize, rows: usize) -> Self {
+    fn new(maps: [&ColumnMap; 2], width: f32, step: usize, rows: usize) -> Self {
         let scale = step as f32;
         let to_samples = |row: f32| (row - (scale - 1.0) / 2.0) / scale;
         let mean = |value: fn(&ColumnMap) -> f32| (value(maps[0]) + value(maps[1])) / 2.0;
@@ -121,10 +125,36 @@ impl GridColumn {
             floor_row,
             place: mean(|map| map.floor_place),
             tolerance: FLOOR_TOLERANCE.get() / per_row / scale,
+            width,
             first_row: edges[0].min(edges[1]).floor() as u16,
             end_row: edges[0].max(edges[1]).ceil() as u16,
         }
     }
+}
+
+/// Thickness of the laser's sheet at half of its brightness, millimetres: line lasers of a few milliwatts in focus.
+const SHEET_MM: f64 = 1.0;
+/// What lens, sensor and processor add, pixels.
+const BLUR_PIXELS: f64 = 2.5;
+
+/// Rows of samples that the stripe takes at the floor's place `s`, at half of its height.
+fn stripe_width(rig: &Rig, s: f64, step: usize) -> f32 {
+    let (stripe, sheet) = (rig.stripe(), rig.laser().normal);
+    let along = stripe.direction;
+    let across = Vector::new(-along.y, along.x, 0.0);
+    let [here, beside, ahead] = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]
+        .map(|(out, on)| rig.camera().project(stripe.at(s + on).plus(across.scaled(out))));
+    let rows_per_mm = match (here, beside, ahead) {
+        (Some(here), Some(beside), Some(ahead)) => {
+            // Rows between the stripe's middle and a line beside it, in one column.
+            let slope = (ahead.v - here.v) / (ahead.u - here.u);
+            (beside.v - here.v - slope * (beside.u - here.u)).abs()
+        }
+        _ => 0.0,
+    };
+    let on_floor = SHEET_MM / sheet.dot(across).abs().max(0.05);
+    let pixels = (on_floor * rows_per_mm).hypot(BLUR_PIXELS);
+    (pixels / step as f64) as f32
 }
 
 /// The maps of a rig's whole picture, on the heap.

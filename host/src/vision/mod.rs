@@ -5,12 +5,15 @@
 //! picture). [`grid`] knows where to look, [`peak`] how to measure.
 
 pub mod analysis;
+pub mod edge;
 pub mod extractor;
 pub mod floor;
 pub mod grid;
+mod measure;
 pub mod peak;
 pub mod profile;
 pub mod raised;
+pub mod ridge;
 pub mod signal;
 pub mod unrigged;
 

@@ -215,35 +215,7 @@ impl<'a> Ridge<'a> {
         }
         position
     }
-
-    /// How much the running mean varies where there is no stripe, as the standard deviation that normal noise would
-    /// have: from the steps between neighbouring, not overlapping sums at least `distance` from `centre`. It is a
-    /// quantile, so that an edge of paint that crosses one side counts for nothing. NaN without room.
-    #[must_use]
-    pub fn roughness(&self, centre: usize, distance: usize) -> f32 {
-        let inner = self.inner();
-        let length = self.kernel.length();
-        let above = inner.start..centre.saturating_sub(distance).min(inner.end);
-        let below = (centre + distance + 1).max(inner.start)..inner.end;
-        let mut steps = [0_i32; LONGEST_WINDOW];
-        let mut count = 0;
-        for range in [above, below] {
-            for first in range.start..range.end.saturating_sub(length) {
-                steps[count] = (self.sums[first] - self.sums[first + length]).abs();
-                count += 1;
-            }
-        }
-        if count == 0 {
-            return f32::NAN;
-        }
-        let (_, step, _) = steps[..count].select_nth_unstable(count * 2 / 5);
-        *step as f32 / length as f32 / FORTY_PERCENT_STEP
-    }
 }
-
-/// The 40 % quantile of the magnitude of the difference of two normal values, in their standard deviations:
-/// sqrt(2) times 0.5244.
-const FORTY_PERCENT_STEP: f32 = 0.741_6;
 
 /// A ridge with its crest within `reach` samples of `centre` in one column of a picture, its row within the picture.
 ///
@@ -318,14 +290,6 @@ fn find_with<S: Signal>(
     Some(Peak { row: peak.row + first as f32, ..peak })
 }
 
-/// [`Ridge::roughness`] on both sides of a row in one column of a picture.
-pub fn roughness<S: Signal>(signal: S, column: usize, centre: usize) -> f32 {
-    let kernel = Kernel::for_step(S::STEP);
-    let mut window = [0_i16; LONGEST_WINDOW];
-    let (samples, first) = gather(signal, column, centre, kernel.reach() + kernel.length(), &mut window);
-    Ridge::new(samples, kernel).roughness(centre - first, kernel.near + kernel.half)
-}
-
 /// The samples of a column up to `reach` rows from `centre`, as far as picture and window go, and the first's row.
 fn gather<S: Signal>(
     signal: S,
@@ -352,9 +316,9 @@ fn gather<S: Signal>(
     (samples, first)
 }
 
-/// Gives the clipped core of a stripe the strength of its rims: each clipped sample the lower of what is reached above
-/// and below it within the run of clipped samples and just beside it.
-fn fill_hollows(samples: &mut [i16], is_clipped: impl Fn(usize) -> bool) {
+/// Gives the clipped core of a stripe the strength of its weaker rim, and the stronger rim too: the middle of what lies
+/// between them is the stripe's, however unlike they are.
+pub fn fill_hollows(samples: &mut [i16], is_clipped: impl Fn(usize) -> bool) {
     let mut position = 0;
     while position < samples.len() {
         if !is_clipped(position) {
@@ -367,16 +331,17 @@ fn fill_hollows(samples: &mut [i16], is_clipped: impl Fn(usize) -> bool) {
         }
         let end = (position + RIM).min(samples.len());
         let run = &mut samples[start.saturating_sub(RIM)..end];
-        let mut reached_below = [i16::MIN; LONGEST_WINDOW];
-        let mut highest = i16::MIN;
-        for (index, sample) in run.iter().enumerate().rev() {
-            highest = highest.max(*sample);
-            reached_below[index] = highest;
+        let Some(lowest) = (0..run.len()).min_by_key(|index| run[*index]) else { continue };
+        let (above, below) = run.split_at(lowest);
+        let rim = |side: &[i16]| side.iter().copied().max().unwrap_or(i16::MIN);
+        let level = rim(above).min(rim(below));
+        if level <= run[lowest] {
+            continue;
         }
-        highest = i16::MIN;
-        for (sample, below) in run.iter_mut().zip(reached_below) {
-            highest = highest.max(*sample);
-            *sample = (*sample).max(highest.min(below));
+        let is_rim = |sample: &i16| *sample >= level;
+        let (first, last) = (run.iter().position(is_rim), run.iter().rposition(is_rim));
+        if let (Some(first), Some(last)) = (first, last) {
+            run[first..=last].fill(level);
         }
     }
 }
@@ -427,20 +392,6 @@ mod tests {
             samples.iter().zip(stripe(15.0, 30.0, |_| 0.0)).map(|(one, other)| one + other).collect();
         let peak = Ridge::new(&both, Kernel::PIXELS).peak(12..20).unwrap();
         assert!((peak.row - 15.0).abs() < 0.5, "{peak:?}");
-    }
-
-    #[test]
-    fn roughness_is_blind_to_the_stripe_and_sees_texture() {
-        let flat = stripe(24.0, 200.0, |_| 7.0);
-        assert!(Ridge::new(&flat, Kernel::PIXELS).roughness(24, 8) < 2.0, "1 % of the stripe's height");
-        let rough = stripe(24.0, 200.0, |position| if position / 5 % 2 == 0 { 0.0 } else { 10.0 });
-        assert!(Ridge::new(&rough, Kernel::PIXELS).roughness(24, 8) > 1.0);
-        let edge = stripe(24.0, 0.0, |position| if position < 10 { 150.0 } else { 7.0 });
-        assert_eq!(
-            Ridge::new(&edge, Kernel::PIXELS).roughness(24, 8),
-            0.0,
-            "one edge of paint is no texture"
-        );
     }
 
     #[test]

@@ -36,6 +36,10 @@ const GLOW_SHARE: f32 = 0.03;
 const GLOW_SAMPLES: usize = 3;
 /// From here on the laser's colour is at the end of its scale.
 const OVEREXPOSED: f32 = 244.0;
+/// A line of this length along the stripe is one whatever lies around it, millimetres ...
+const LONG_LINE_MM: f32 = 12.0;
+/// ... a shorter one must take at least this share of the dark stretch that it lies in.
+const LEAST_EXPLAINED: f32 = 0.08;
 /// Lines that are followed at a time; more is texture.
 const OPEN_LINES: usize = 24;
 /// Candidates for which there is room; a picture with more shows texture, and the weaker ones change nothing.
@@ -257,7 +261,7 @@ impl RaisedFinder {
             let to = self.points.partition_point(|point| point.line <= *number);
             let points = &self.points[from..to];
             let taken = points.iter().filter(|point| self.rays.is_taken(point.place)).count();
-            if 2 * taken < points.len() {
+            if 2 * taken < points.len() && self.rays.is_explained_by(points) {
                 lines[*number as usize].columns = 1;
                 for pair in points.windows(2) {
                     self.rays.take(pair[0].place, pair[1].place);
@@ -365,6 +369,22 @@ impl Rays {
 
     fn is_taken(&self, place: f32) -> bool {
         self.at(place) == Some(Ray::Taken)
+    }
+
+    /// Is a line long enough for the dark stretch that it lies in? Next to nothing of it explains nothing: that is a
+    /// glint, or the red rim of something that daylight overexposes.
+    fn is_explained_by(&self, points: &[RaisedPoint]) -> bool {
+        let [first, .., last] = points else { return false };
+        let length = (last.place - first.place).abs();
+        if length >= LONG_LINE_MM {
+            return true;
+        }
+        let middle = ((first.place + last.place) / 2.0 - self.start) / RAY_BIN_MM;
+        let middle = (middle.max(0.0) as usize).min(self.bins.len());
+        let is_dark = |ray: &&Ray| **ray != Ray::Lit;
+        let dark = self.bins[..middle].iter().rev().take_while(is_dark).count()
+            + self.bins[middle..].iter().take_while(is_dark).count();
+        length >= LEAST_EXPLAINED * dark as f32 * RAY_BIN_MM
     }
 
     fn take(&mut self, one: f32, other: f32) {

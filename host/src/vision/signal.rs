@@ -46,6 +46,9 @@ pub trait RowSearch: Signal {
     /// strength being coarse (8 bits, monotonic in [`Signal::value`]). A row-by-row maximum over many rows costs one
     /// pass at the speed of memory.
     fn raise(&self, row: usize, first: usize, tag: u16, keys: &mut [u16]);
+
+    /// [`Signal::value`] of the columns from `first` on, one for each of `values`; those beyond the picture stay.
+    fn copy(&self, row: usize, first: usize, values: &mut [i16]);
 }
 
 /// A picture turned by its diagonal: its rows are the columns. For stripes that run down the picture.
@@ -133,6 +136,13 @@ impl RowSearch for RedMinusGreen<'_> {
             raise_key(key, strength, tag);
         }
     }
+
+    fn copy(&self, row: usize, first: usize, values: &mut [i16]) {
+        let pixels = self.0.row(row).get(3 * first..).unwrap_or(&[]);
+        for (pixel, value) in pixels.chunks_exact(3).zip(values) {
+            *value = i16::from(pixel[0]) - i16::from(pixel[1]);
+        }
+    }
 }
 
 /// Brightness of a monochrome picture.
@@ -173,6 +183,12 @@ impl RowSearch for Brightness<'_> {
     fn raise(&self, row: usize, first: usize, tag: u16, keys: &mut [u16]) {
         for (strength, key) in self.0.row(row).get(first..).unwrap_or(&[]).iter().zip(keys) {
             raise_key(key, *strength, tag);
+        }
+    }
+
+    fn copy(&self, row: usize, first: usize, values: &mut [i16]) {
+        for (strength, value) in self.0.row(row).get(first..).unwrap_or(&[]).iter().zip(values) {
+            *value = i16::from(*strength);
         }
     }
 }
@@ -230,6 +246,13 @@ impl<const PITCH: usize, const OFFSET: usize> RowSearch for RedChroma<'_, PITCH,
         let samples = self.red.row(row).get(PITCH * first..).unwrap_or(&[]);
         for (sample, key) in samples.chunks_exact(PITCH).zip(keys) {
             raise_key(key, sample[OFFSET], tag);
+        }
+    }
+
+    fn copy(&self, row: usize, first: usize, values: &mut [i16]) {
+        let samples = self.red.row(row).get(PITCH * first..).unwrap_or(&[]);
+        for (sample, value) in samples.chunks_exact(PITCH).zip(values) {
+            *value = 2 * (i16::from(sample[OFFSET]) - 128);
         }
     }
 }

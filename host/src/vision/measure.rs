@@ -1,0 +1,271 @@
+//! Measures the ridge at the floor's row in every column of a picture, many columns at a time.
+
+use super::edge::EXPLAINED_ROWS;
+use super::grid::{Grid, GridColumn};
+use super::peak::{self, Peak};
+use super::ridge::{Block, Kernel, MOST_REACH, MOST_ROWS_ASIDE, Ridge};
+use super::signal::RowSearch;
+
+/// Columns that are measured at a time.
+const LANES: usize = 64;
+/// The background's variation is measured in every so manieth column: it is pooled anyway.
+const NOISE_STRIDE: usize = 8;
+/// Weak columns are averaged over so many millimetres on both sides ...
+const AVERAGED_MM: f32 = 1.0;
+/// ... but never over more columns on each side.
+const MOST_AVERAGED: usize = 4;
+/// Averages are kept in so manieth parts of a level.
+const PARTS: i16 = 4;
+/// A ridge whose contrast is a smaller share of its rise may have a paint's edge close by.
+const EVEN_SHARE: f32 = 0.5;
+/// A ridge whose contrast is a smaller share of its rise may be one rim of a wide, hollow one.
+const RIM_SHARE: f32 = 0.2;
+/// A wider kernel must find so much more contrast to be believed.
+const WIDE_GAIN: f32 = 1.2;
+/// A core that lies so far below its rims may be clipped, levels ...
+const LEAST_HOLLOW: f32 = 10.0;
+/// ... and as a share of the contrast.
+const HOLLOW_SHARE: f32 = 0.25;
+
+/// What was found in one column.
+#[derive(Debug, Clone, Copy)]
+pub struct Found {
+    /// The ridge at the floor's row, its row within the picture.
+    pub peak: Option<Peak>,
+    /// How far it stands out from the lower side.
+    pub rise: f32,
+    /// The background's variation in one of every [`NOISE_STRIDE`] columns; NaN in the others.
+    pub noise: f32,
+    /// It needs a closer look: [`Bench::remeasure`].
+    pub doubtful: bool,
+}
+
+/// Working memory.
+#[derive(Debug, Clone, Default)]
+pub struct Bench {
+    many: Block<LANES>,
+    one: Block<1>,
+}
+
+/// The lengths for the columns around one.
+fn kernel_at(place: &GridColumn) -> (Kernel, usize) {
+    let reach = (place.tolerance.ceil() as usize + 1).min(MOST_REACH);
+    (Kernel::for_width(place.width), reach)
+}
+
+/// Has the column room for a background on both sides?
+fn has_room(place: &GridColumn, rows: usize, kernel: Kernel, reach: usize) -> bool {
+    let aside = (kernel.near + kernel.length() + reach) as f32;
+    place.floor_row >= aside && place.floor_row + aside < rows as f32
+}
+
+fn peak_of(ridge: Ridge, place: &GridColumn) -> Peak {
+    let row = place.floor_row.round() + ridge.offset;
+    Peak { row, contrast: ridge.contrast, rise: ridge.rise, width: ridge.width }
+}
+
+impl Bench {
+    /// Measures all columns; `take` gets each one's index and finding.
+    pub fn measure<S: RowSearch>(&mut self, signal: S, grid: &Grid, mut take: impl FnMut(usize, Found)) {
+        let mut first = 0;
+        while let Some(places) = grid.columns().get(first..).filter(|places| !places.is_empty()) {
+            let count = places.len().min(LANES);
+            let places = &places[..count];
+            let (kernel, reach) = kernel_at(&places[count / 2]);
+            gather(&mut self.many, signal, grid, first, count, kernel.rows_aside(reach));
+            self.many.search(kernel, reach);
+            for (lane, place) in places.iter().enumerate() {
+                take(first + lane, self.many.found(lane, place, signal.rows(), (kernel, reach), 1.0));
+            }
+            first += count;
+        }
+    }
+
+    /// Measures the columns for which `wanted` holds, and some around them, each averaged with its neighbours along the
+    /// stripe.
+    pub fn measure_averaged<S: RowSearch>(
+        &mut self,
+        signal: S,
+        grid: &Grid,
+        wanted: impl Fn(usize) -> bool,
+        mut take: impl FnMut(usize, Found),
+    ) {
+        let columns = grid.columns();
+        let mut first = 0;
+        while first < columns.len() {
+            // Lanes before and behind those that are told hold the neighbours.
+            let start = first.saturating_sub(MOST_AVERAGED);
+            let count = (columns.len() - start).min(LANES);
+            let told =
+                first - start..if start + count == columns.len() { count } else { count - MOST_AVERAGED };
+            if (start + told.start..start + told.end).any(&wanted) {
+                let places = &columns[start..start + count];
+                let (kernel, reach) = kernel_at(&places[count / 2]);
+                let rows = kernel.rows_aside(reach);
+                gather(&mut self.many, signal, grid, start, count, rows);
+                average(&mut self.many, averaged_columns(places), count, rows);
+                self.many.search(kernel, reach);
+                for lane in told.clone() {
+                    let scale = 1.0 / f32::from(PARTS);
+                    let found = self.many.found(lane, &places[lane], signal.rows(), (kernel, reach), scale);
+                    take(start + lane, found);
+                }
+            }
+            first = start + told.end;
+        }
+    }
+
+    /// Measures one column again: a stripe may be too wide for the usual kernel (clipped, or out of focus), its core may
+    /// be hollow, or the edge of a paint may run so close to it that only a finer kernel fits between. Another kernel is
+    /// believed if it explains more.
+    pub fn remeasure<S: RowSearch>(&mut self, signal: S, grid: &Grid, index: usize) -> Option<Peak> {
+        let place = grid.columns().get(index)?;
+        let (usual, reach) = kernel_at(place);
+        let wide = usual.widened();
+        let rows = wide.rows_aside(reach).min(MOST_ROWS_ASIDE);
+        let wide = Kernel { far: rows - wide.half - reach, ..wide };
+        gather(&mut self.one, signal, grid, index, 1, rows);
+        fill_hollows(&mut self.one, signal, grid, index, wide.near);
+        let one = &mut self.one;
+        let mut find = |kernel: Kernel| {
+            one.search(kernel, reach);
+            let ridge = one.ridge(0, kernel, reach)?;
+            (has_room(place, signal.rows(), kernel, reach) && !ridge.outside).then(|| peak_of(ridge, place))
+        };
+        let mut best = find(usual);
+        let share = |peak: Option<Peak>| peak.map_or(0.0, |peak| peak.contrast / peak.rise);
+        let fits = |peak: Option<Peak>| peak.is_some_and(|peak| peak.width <= usual.widest() as f32);
+        if share(best) < EVEN_SHARE {
+            // The finer kernel's sums vary more, for which its contrast pays.
+            let fine = usual.refined();
+            let gain = (fine.length() as f32 / usual.length() as f32).sqrt();
+            best =
+                stronger(best, find(fine).map(|peak| Peak { contrast: gain * peak.contrast, ..peak }), 1.0);
+        }
+        if !fits(best) || share(best) < RIM_SHARE {
+            best = stronger(best, find(wide), WIDE_GAIN);
+        }
+        best
+    }
+}
+
+fn stronger(one: Option<Peak>, other: Option<Peak>, gain: f32) -> Option<Peak> {
+    match (one, other) {
+        (Some(one), Some(other)) if other.contrast <= gain * one.contrast => Some(one),
+        (one, other) => other.or(one),
+    }
+}
+
+impl<const LANES: usize> Block<LANES> {
+    fn found(
+        &self,
+        lane: usize,
+        place: &GridColumn,
+        rows: usize,
+        (kernel, reach): (Kernel, usize),
+        scale: f32,
+    ) -> Found {
+        if !has_room(place, rows, kernel, reach) {
+            return Found { peak: None, rise: 0.0, noise: f32::NAN, doubtful: false };
+        }
+        let noise =
+            if lane % NOISE_STRIDE == 0 { scale * self.roughness(lane, kernel, reach) } else { f32::NAN };
+        let ridge = self.ridge(lane, kernel, reach);
+        let doubtful = ridge.is_none_or(|ridge| {
+            ridge.outside
+                || ridge.width > kernel.widest() as f32
+                || ridge.contrast < EVEN_SHARE * ridge.rise
+                || ridge.hollow >= LEAST_HOLLOW.max(HOLLOW_SHARE * ridge.contrast)
+        });
+        let peak = ridge.filter(|ridge| !ridge.outside).map(|ridge| {
+            let peak = peak_of(ridge, place);
+            Peak { contrast: scale * peak.contrast, rise: scale * peak.rise, ..peak }
+        });
+        Found { peak, rise: scale * self.rise(lane, kernel), noise, doubtful }
+    }
+}
+
+/// Fills a block with `count` columns from the grid's entry `first` on, up to `rows` rows from the floor's. The picture's
+/// outermost rows stand for those beyond it.
+fn gather<S: RowSearch, const LANES: usize>(
+    block: &mut Block<LANES>,
+    signal: S,
+    grid: &Grid,
+    first: usize,
+    count: usize,
+    rows: usize,
+) {
+    let last = signal.rows().saturating_sub(1) as isize;
+    let places = &grid.columns()[first..first + count];
+    let same_row = |one: &GridColumn, other: &GridColumn| one.floor_row.round() == other.floor_row.round();
+    let mut lane = 0;
+    for run in places.chunk_by(same_row) {
+        let middle = run[0].floor_row.round() as isize;
+        let rows = rows.min(MOST_ROWS_ASIDE) as isize;
+        for row in -rows..=rows {
+            let values = &mut block.row_mut(row)[lane..lane + run.len()];
+            signal.copy((middle + row).clamp(0, last) as usize, grid.first() + first + lane, values);
+        }
+        lane += run.len();
+    }
+}
+
+/// Columns on each side of one that lie within [`AVERAGED_MM`].
+fn averaged_columns(places: &[GridColumn]) -> usize {
+    let [first, .., last] = places else { return 0 };
+    let distance = (last.place - first.place).abs() / (places.len() - 1) as f32;
+    ((AVERAGED_MM / distance.max(0.01)) as usize).min(MOST_AVERAGED)
+}
+
+/// Replaces each sample by [`PARTS`] times the mean with `reach` neighbours on both sides.
+fn average<const LANES: usize>(block: &mut Block<LANES>, reach: usize, count: usize, rows: usize) {
+    let rows = rows.min(MOST_ROWS_ASIDE) as isize;
+    for row in -rows..=rows {
+        let values = block.row_mut(row);
+        let mut sums = [0_i16; LANES];
+        for shift in 0..=2 * reach {
+            for lane in 0..count {
+                // The outermost columns stand for those beyond them.
+                let other = (lane + shift).saturating_sub(reach).min(count - 1);
+                sums[lane] += values[other];
+            }
+        }
+        let length = 2 * reach as i16 + 1;
+        for (value, sum) in values.iter_mut().zip(&sums[..count]) {
+            *value = (PARTS * sum).div_euclid(length);
+        }
+    }
+}
+
+/// Gives the clipped core of a stripe the strength of its rims.
+fn fill_hollows<S: RowSearch>(block: &mut Block<1>, signal: S, grid: &Grid, index: usize, near: usize) {
+    let Some(place) = grid.columns().get(index) else { return };
+    let middle = place.floor_row.round() as isize;
+    let near = near as isize;
+    let mut samples = [0_i16; 2 * MOST_ROWS_ASIDE + 1];
+    let samples = &mut samples[..2 * near as usize + 1];
+    for (sample, row) in samples.iter_mut().zip(-near..=near) {
+        *sample = block.row(row)[0];
+    }
+    peak::fill_hollows(samples, |position| {
+        let row = middle + position as isize - near;
+        row >= 0 && signal.is_clipped(grid.first() + index, row as usize)
+    });
+    for (sample, row) in samples.iter().zip(-near..=near) {
+        block.row_mut(row)[0] = *sample;
+    }
+}
+
+/// The samples around the floor's row in one column; `None` where the picture ends before.
+pub fn explained_rows<S: RowSearch>(
+    signal: S,
+    grid: &Grid,
+    index: usize,
+) -> Option<[f32; 2 * EXPLAINED_ROWS + 1]> {
+    let place = grid.columns().get(index)?;
+    let first = (place.floor_row.round().max(0.0) as usize).checked_sub(EXPLAINED_ROWS)?;
+    if first + 2 * EXPLAINED_ROWS >= signal.rows() {
+        return None;
+    }
+    Some(std::array::from_fn(|row| f32::from(signal.value(grid.first() + index, first + row))))
+}
