@@ -15,6 +15,7 @@ pub mod calibrate;
 pub mod campaign;
 pub mod capability;
 pub mod config;
+pub mod dataset;
 pub mod demo;
 pub mod evaluate_scenes;
 pub mod extract;
@@ -49,6 +50,7 @@ enum Command {
     Calibrate(calibrate::CalibrateArguments),
     Capability(capability::CapabilityArguments),
     Config(config::ConfigArguments),
+    Dataset(dataset::Dataset),
     Demo(demo::Demo),
     Detect(detect::Detect),
     Evaluate(evaluate::Evaluate),
@@ -75,6 +77,7 @@ impl CommandLine {
             Command::Calibrate(calibrate) => calibrate.run(),
             Command::Capability(capability) => capability.run(),
             Command::Config(config) => config.run(),
+            Command::Dataset(dataset) => dataset.run(),
             Command::Demo(demo) => demo.run(),
             Command::Detect(detect) => detect.run(),
             Command::Evaluate(evaluate) => evaluate.run(),
