@@ -40,7 +40,8 @@ impl OrtNetwork {
         };
         let builder = Session::builder(&environment).map_err(|error| bad(&error))?;
         let builder = builder.with_intra_threads(threads.max(1)).map_err(|error| bad(&error))?;
-        let builder = builder.with_optimization_level(GraphOptimizationLevel::Level3).map_err(|error| bad(&error))?;
+        let builder =
+            builder.with_optimization_level(GraphOptimizationLevel::Level3).map_err(|error| bad(&error))?;
         let mut builder = builder.with_quant_qdq(computes_in_bytes(onnx)).map_err(|error| bad(&error))?;
         let session = builder.commit_from_memory(onnx).map_err(|error| bad(&error))?;
         if session.inputs().len() != 1 || session.outputs().len() != 1 {
