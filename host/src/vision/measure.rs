@@ -168,8 +168,11 @@ impl<const LANES: usize> Block<LANES> {
         if !has_room(place, rows, kernel, reach) {
             return Found { peak: None, rise: 0.0, noise: f32::NAN, doubtful: false };
         }
-        let noise =
-            if lane % NOISE_STRIDE == 0 { scale * self.roughness(lane, kernel, reach) } else { f32::NAN };
+        let noise = if lane.is_multiple_of(NOISE_STRIDE) {
+            scale * self.roughness(lane, kernel, reach)
+        } else {
+            f32::NAN
+        };
         let ridge = self.ridge(lane, kernel, reach);
         let doubtful = ridge.is_none_or(|ridge| {
             ridge.outside
@@ -224,10 +227,10 @@ fn average<const LANES: usize>(block: &mut Block<LANES>, reach: usize, count: us
         let values = block.row_mut(row);
         let mut sums = [0_i16; LANES];
         for shift in 0..=2 * reach {
-            for lane in 0..count {
+            for (lane, sum) in sums.iter_mut().enumerate().take(count) {
                 // The outermost columns stand for those beyond them.
                 let other = (lane + shift).saturating_sub(reach).min(count - 1);
-                sums[lane] += values[other];
+                *sum += values[other];
             }
         }
         let length = 2 * reach as i16 + 1;

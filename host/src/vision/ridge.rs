@@ -236,6 +236,7 @@ impl<const LANES: usize> Block<LANES> {
         best.width = [0; LANES];
         for row in -end..=end {
             let samples = &self.samples[at(isize::from(row))];
+            #[allow(clippy::needless_range_loop, reason = "seven arrays in step, which become vectors")]
             for lane in 0..LANES {
                 let distance = row - best.crest[lane];
                 let level = (samples[lane] * length).saturating_sub(best.background[lane]);
