@@ -257,7 +257,11 @@ mod tests {
                     assert!(Claim { confidence: 10, ..beside }.objects_to(debris));
                     assert!(!Claim { confidence: 10, ..apart }.objects_to(debris));
                 }
-                _ => {
+                Category::Part
+                | Category::Vehicle
+                | Category::Environment
+                | Category::SafetyItem
+                | Category::Unknown => {
                     assert!(beside.objects_to(debris) && behind.objects_to(debris), "{category:?}");
                     assert!(!apart.objects_to(debris) && !farther.objects_to(debris), "{category:?}");
                 }

@@ -30,7 +30,7 @@ fn stage(objects: Vec<Placed>, far: f32) -> Stage {
 #[test]
 fn a_step_by_the_distance_never_passes_through_a_surface() {
     // The rule that sphere tracing rests on: nothing is nearer than the distance says.
-    for class in 0..CLASSES.len() {
+    for (class, _) in CLASSES.iter().enumerate() {
         let mut draw = Draw::new(9, &[class as u64]);
         let model = Item { class, number: 2 }.model(&mut draw.clone());
         let (low, high) = model.bounds();
@@ -55,7 +55,7 @@ fn a_step_by_the_distance_never_passes_through_a_surface() {
 
 #[test]
 fn everything_lies_on_the_floor_and_not_in_it() {
-    for class in 0..CLASSES.len() {
+    for (class, _) in CLASSES.iter().enumerate() {
         for number in 0..4 {
             let thing = placed(class, number);
             let top = thing.centre.z + thing.half_extent().z;
@@ -83,11 +83,11 @@ fn everything_lies_on_the_floor_and_not_in_it() {
 
 #[test]
 fn every_trained_class_has_many_different_items() {
-    for class in 0..TRAINED {
+    for (class, trained) in CLASSES.iter().enumerate().take(TRAINED) {
         let shapes: Vec<Vec3> = (0..16).map(|number| placed(class, number).half_extent()).collect();
         for (place, one) in shapes.iter().enumerate() {
             let twin = shapes[..place].iter().any(|other| other.abs_diff_eq(*one, 1e-3));
-            assert!(!twin, "{}: item {place} is as large as an earlier one", CLASSES[class].name);
+            assert!(!twin, "{}: item {place} is as large as an earlier one", trained.name);
         }
     }
 }
