@@ -181,9 +181,11 @@ struct HeightRange {
 }
 
 impl HeightRange {
-    /// All that is ever mapped.
-    fn full() -> Self {
-        Self { low: f64::from(DEEPEST_MAPPED.get()), high: f64::from(HIGHEST_MAPPED.get()) }
+    /// All that is ever mapped of a rig. No light comes down from the laser's own height: the sheet's plane goes on there,
+    /// behind the laser and out of the camera's sight, and would spoil the fit of what is lit.
+    fn full(rig: &Rig) -> Self {
+        let high = f64::from(HIGHEST_MAPPED.get()).min(rig.laser().origin.z);
+        Self { low: f64::from(DEEPEST_MAPPED.get()), high }
     }
 
     /// The part of it that a column with this (first) map shows in a picture of `rows` rows: where a lens is fitted
@@ -332,13 +334,11 @@ impl<const N: usize> StripeGeometry<N> {
                 continue;
             }
             let starts = guesses.unwrap_or([guess_at(u); 5]);
-            let (rough, rough_places) = fit(sheet, u, starts, HeightRange::full())?;
-            let visible = HeightRange::full().within_picture(&rough, sheet.rig.image().height);
-            let (fitted, places) = if visible == HeightRange::full() {
-                (rough, rough_places)
-            } else {
-                fit(sheet, u, rough_places, visible)?
-            };
+            let full = HeightRange::full(sheet.rig);
+            let (rough, rough_places) = fit(sheet, u, starts, full)?;
+            let visible = full.within_picture(&rough, sheet.rig.image().height);
+            let (fitted, places) =
+                if visible == full { (rough, rough_places) } else { fit(sheet, u, rough_places, visible)? };
             // A stripe whose place does not keep its direction from column to column folds back in the picture.
             let [place, ..] = places;
             if let Some(before) = previous_place {
@@ -552,6 +552,37 @@ mod tests {
             }
             assert!(worst_height < 0.1, "height {worst_height}");
             assert!(worst_place < 1.5, "place {worst_place}");
+        }
+    }
+
+    /// The rule: what is lit decides the maps. A laser lower than the highest mapped height has no light up there.
+    #[test]
+    fn a_low_laser_gives_true_heights_up_to_its_own() {
+        for (camera_height, laser_height, down, focal) in [
+            (300.0, 120.0, 19.0, 510.0),
+            (300.0, 120.0, 31.0, 510.0),
+            (260.0, 90.0, 20.0, 760.0),
+            (250.0, 60.0, 15.0, 510.0),
+        ] {
+            let camera = Vector::new(0.0, 0.0, camera_height);
+            let laser = Vector::new(0.0, 0.0, laser_height);
+            let rig = rig_of(camera, 0.0, down, focal, (1152, 648), laser, (-200.0, 200.0)).unwrap();
+            let geometry = filled(&rig);
+            let decimation = Decimation::for_line_scan(1152);
+            let mut worst = 0.0_f64;
+            for column in geometry.watched() {
+                let map = geometry.map(column).unwrap();
+                for tenth in 0..=8 {
+                    let row = map.row((laser_height * f64::from(tenth) / 10.0) as f32);
+                    if !(0.0..=647.0).contains(&row) {
+                        continue;
+                    }
+                    let pixel = Pixel { u: decimation.centre(column as u16), v: f64::from(row) };
+                    let exact = rig.laser().triangulate(rig.camera(), pixel).unwrap();
+                    worst = worst.max((exact.z - f64::from(map.height(row))).abs());
+                }
+            }
+            assert!(worst < 0.1, "camera {camera_height}, laser {laser_height}: {worst} mm");
         }
     }
 

@@ -75,6 +75,13 @@ impl LensKnowledge {
     pub fn is_fixed(&self) -> bool {
         self.priors.iter().all(|prior| prior.sigma <= 0.0)
     }
+
+    /// Is little more known than a data sheet tells? A calibration from many views knows the focal length far better than
+    /// to one percent.
+    #[must_use]
+    pub fn is_nominal(&self) -> bool {
+        self.priors[0].sigma > 0.01 * self.priors[0].value
+    }
 }
 
 /// A calibrated lens.

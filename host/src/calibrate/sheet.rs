@@ -24,6 +24,8 @@ const FEWEST_TOP_COLUMNS: usize = 16;
 const LARGEST_HOLE_MM: f64 = 12.0;
 /// The stripe on a top runs parallel to that on the floor within this slope.
 const LARGEST_SLOPE: f64 = 0.03;
+/// The stripe of a near-field sensor is no farther from the camera than this, millimetres; the horizon is.
+const FARTHEST_MM: f64 = 3000.0;
 /// The stripe is seen in this share of the columns that it crosses; texture and noise in fewer.
 const DENSE: f64 = 0.7;
 
@@ -81,6 +83,10 @@ impl Placed {
         let pixel = candidate.pixel;
         let at = |u: f64, v: f64| on_level(camera, Pixel { u, v }, height).map(|point| point.xy());
         let point = at(pixel.u, pixel.v)?;
+        let centre = camera.pose.centre();
+        if (point - Point2::new(centre.x, centre.y)).norm() > FARTHEST_MM {
+            return None;
+        }
         let right = at(pixel.u + 0.5, pixel.v)? - at(pixel.u - 0.5, pixel.v)?;
         let below = at(pixel.u, pixel.v + 0.5)? - at(pixel.u, pixel.v - 0.5)?;
         let contrast = candidate.contrast;

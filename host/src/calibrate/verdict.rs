@@ -96,7 +96,7 @@ pub fn judge(calibration: &Calibration) -> Verdict {
                 .to_owned(),
         );
     }
-    if !calibration.lens.is_fixed() && calibration.observations.boards.len() < 2 {
+    if calibration.lens.is_nominal() && calibration.observations.boards.len() < 2 {
         notes.push(
             "the lens was estimated from one view of the board: heights are good where the blocks stood, places along \
              the stripe less; `nearfield calibrate lens` does better"

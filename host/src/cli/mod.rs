@@ -26,7 +26,9 @@ pub mod picture_report;
 pub mod replay;
 pub mod rig;
 pub mod service;
+pub mod study;
 pub mod twin;
+pub mod twin_calibration;
 
 use std::process::ExitCode;
 

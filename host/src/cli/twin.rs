@@ -22,6 +22,8 @@ pub struct TwinArguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     Render(Render),
+    Calibration(super::twin_calibration::Calibration),
+    Study(super::study::Study),
     /// List the ready-made scenes and rigs.
     Scenes,
 }
@@ -84,6 +86,8 @@ impl TwinArguments {
     pub fn run(&self) -> anyhow::Result<u8> {
         match &self.command {
             Command::Render(render) => render.run()?,
+            Command::Calibration(calibration) => calibration.run()?,
+            Command::Study(study) => return study.run(),
             Command::Scenes => list()?,
         }
         Ok(0)

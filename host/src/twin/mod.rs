@@ -26,11 +26,13 @@
 //! | [`floor`], [`light`], [`sheet`] | colours of floors, daylight, the laser's sheet |
 //! | [`patch`], [`sensor`], [`picture`] | lens blur, noise and colour, bytes |
 //! | [`render`] | all of it together: [`Twin`] |
+//! | [`board`] | pictures of a calibration board |
 //! | [`truth`] | what a correct sensor must say |
 //!
 //! Not modelled yet: light that bounces between surfaces, translucent bodies, vignetting, the Bayer mosaic, rolling
 //! shutter and motion blur.
 
+pub mod board;
 pub mod body;
 pub mod floor;
 pub mod gallery;
