@@ -5,6 +5,9 @@ use plotters::prelude::*;
 
 use crate::sweep::Sweep;
 
+/// Greatest rows per millimetre that are drawn, the same in all panels so that they compare; more is out of every useful mount.
+const TOP: f64 = 8.0;
+
 /// One panel a sweep: rows per millimetre in the stripe's middle and where it is least, over the quantity.
 ///
 /// # Errors
@@ -16,10 +19,8 @@ pub fn draw<B: DrawingBackend>(
     area.fill(&WHITE)?;
     let columns = 2;
     let panels = area.split_evenly((sweeps.len().div_ceil(columns), columns));
-    let rows = sweeps.iter().flat_map(|sweep| &sweep.points).map(|point| point.measures.middle_rows_per_mm);
-    let top = 1.1 * rows.fold(0.1, f64::max);
-    for (panel, sweep) in panels.iter().zip(sweeps) {
-        one(panel, sweep, top)?;
+    for (index, (panel, sweep)) in panels.iter().zip(sweeps).enumerate() {
+        one(panel, sweep, index == 0)?;
     }
     Ok(())
 }
@@ -27,7 +28,7 @@ pub fn draw<B: DrawingBackend>(
 fn one<B: DrawingBackend>(
     panel: &DrawingArea<B, Shift>,
     sweep: &Sweep,
-    top: f64,
+    with_legend: bool,
 ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
     let first = sweep.points.first().map_or(0.0, |point| point.value);
     let last = sweep.points.last().map_or(1.0, |point| point.value);
@@ -35,12 +36,13 @@ fn one<B: DrawingBackend>(
         .margin(10)
         .x_label_area_size(38)
         .y_label_area_size(48)
-        .build_cartesian_2d(first..last, 0.0..top)?;
+        .build_cartesian_2d(first..last, 0.0..TOP)?;
     chart
         .configure_mesh()
         .x_desc(sweep.quantity.label())
         .y_desc("rows per mm of height")
         .x_labels(7)
+        .max_light_lines(0)
         .draw()?;
     let measured = || sweep.points.iter().map(|point| (point.value, point.measures));
     let legend =
@@ -69,6 +71,13 @@ fn one<B: DrawingBackend>(
         )?
         .label("zone not whole in the picture")
         .legend(|(x, y)| Circle::new((x + 9, y), 3, RED.filled()));
-    chart.configure_series_labels().border_style(BLACK).background_style(WHITE.mix(0.8)).draw()?;
+    if with_legend {
+        chart
+            .configure_series_labels()
+            .position(SeriesLabelPosition::UpperLeft)
+            .border_style(BLACK)
+            .background_style(WHITE.mix(0.8))
+            .draw()?;
+    }
     Ok(())
 }
