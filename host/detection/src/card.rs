@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::backend::depthwise::DepthwiseLayer;
 use crate::calibration::Calibration;
 
 /// Format of the cards that this version reads.
@@ -66,9 +67,25 @@ pub struct Card {
     pub operating_scores: Vec<f32>,
     /// From score to confidence.
     pub calibration: Calibration,
+    /// The network cut at its convolutions of single channels, in the order of computation; empty: not cut. For backends that are
+    /// slow at these; others ignore it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub steps: Vec<Step>,
     /// Data, seed, epochs, metrics: for the reader.
     #[serde(default)]
     pub about: serde_json::Value,
+}
+
+/// A piece of a network, by its tensors' names, and the convolution behind it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Step {
+    /// Tensors that must be known before.
+    pub takes: Vec<String>,
+    /// Tensors that are known after it, and used later.
+    pub gives: Vec<String>,
+    /// What comes next; nothing behind the last piece.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depthwise: Option<DepthwiseLayer>,
 }
 
 impl Card {
@@ -129,6 +146,7 @@ pub(crate) mod tests {
             largest_overlap: 0.5,
             operating_scores: vec![0.4, 0.1],
             calibration: Calibration::default(),
+            steps: Vec::new(),
             about: serde_json::Value::Null,
         }
     }

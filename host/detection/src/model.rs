@@ -50,7 +50,7 @@ impl Choice {
         };
         let network: Box<dyn Network> = match self.backend {
             Backend::Rten => {
-                let network = RtenNetwork::new(self.onnx()?, card.input_side, self.threads, &path)?;
+                let network = RtenNetwork::new(self.onnx()?, &card, self.threads, &path)?;
                 Box::new(Decoded::new(network, &card))
             }
             Backend::Ort => onnxruntime(&self.onnx()?, &card, self.threads, &path)?,

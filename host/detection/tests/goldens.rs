@@ -7,7 +7,7 @@
 use std::path::{Path, PathBuf};
 
 use nearfield_detection::backend::rten::RtenNetwork;
-use nearfield_detection::card::Card;
+use nearfield_detection::card::{Card, Step};
 use nearfield_detection::detector::{Detection, Detector, Picture};
 use nearfield_detection::letterbox::{Letterbox, Window};
 use nearfield_detection::model::{Backend, Choice};
@@ -86,7 +86,7 @@ fn the_input_is_pillows() {
 #[test]
 fn rten_computes_what_onnxruntime_computes() {
     let (onnx, card) = shipped();
-    let mut network = RtenNetwork::new(onnx, card.input_side, 1, Path::new("detector.onnx")).unwrap();
+    let mut network = RtenNetwork::new(onnx, &card, 1, Path::new("detector.onnx")).unwrap();
     let mut letterbox = Letterbox::new(card.input_side);
     let mut rows = Vec::new();
     let length = 5 + card.classes.len();
@@ -105,6 +105,37 @@ fn rten_computes_what_onnxruntime_computes() {
             }
         }
     }
+}
+
+/// The rule: cut at its convolutions of single channels, a network answers as in one piece.
+#[test]
+fn a_network_in_pieces_answers_as_in_one() {
+    let (onnx, card) = shipped();
+    let whole = Card { steps: Vec::new(), ..card.clone() };
+    let mut letterbox = Letterbox::new(card.input_side);
+    for (golden, picture) in goldens() {
+        let window = Window { left: 0, top: 0, width: picture.width(), height: picture.height() };
+        let (input, _) = letterbox.fit(Picture::try_from(&picture).unwrap(), window).unwrap();
+        let [one, other] = [&card, &whole].map(|card| {
+            let mut network = RtenNetwork::new(onnx.clone(), card, 1, Path::new("detector.onnx")).unwrap();
+            let mut rows = Vec::new();
+            network.infer(input, &mut rows).unwrap();
+            rows
+        });
+        assert_eq!(one.len(), other.len());
+        let worst = one.iter().zip(&other).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(worst < 2e-2, "{}: {worst} pixels or shares apart", golden.picture);
+    }
+}
+
+/// A card of another network must be found when it is loaded, not when it is used.
+#[test]
+fn steps_that_do_not_fit_are_refused_by_name() {
+    let (onnx, card) = shipped();
+    let step = Step { takes: vec!["no such tensor".to_owned()], gives: Vec::new(), depthwise: None };
+    let card = Card { steps: vec![step], ..card };
+    let error = RtenNetwork::new(onnx, &card, 1, Path::new("mine.onnx")).err().unwrap().to_string();
+    assert!(error.contains("mine.onnx") && error.contains("no such tensor"), "{error}");
 }
 
 fn agrees(golden: &Golden, found: &[Detection]) {

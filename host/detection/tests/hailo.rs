@@ -26,6 +26,7 @@ fn card() -> Card {
         largest_overlap: 0.5,
         operating_scores: vec![0.1; 3],
         calibration: Calibration::default(),
+        steps: Vec::new(),
         about: serde_json::Value::Null,
     }
 }

@@ -1,13 +1,15 @@
 //! The default backend: rten, pure Rust, on the processor's cores.
 
+use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use rten::{Model, NodeId, RunOptions, ThreadPool};
+use rten::{Model, NodeId, RunOptions, ThreadPool, Value, ValueOrView};
 use rten_tensor::prelude::*;
 use rten_tensor::{NdTensor, NdTensorView};
 
-use crate::card::ModelError;
+use super::depthwise::Depthwise;
+use crate::card::{Card, ModelError, Step};
 use crate::detector::Unknown;
 use crate::network::Rows;
 
@@ -18,14 +20,32 @@ pub struct RtenNetwork {
     output: NodeId,
     side: usize,
     pool: Arc<ThreadPool>,
+    /// The network in pieces, between the convolutions that are computed here; empty: in one piece.
+    pieces: Vec<Piece>,
+}
+
+/// A part of the network, and the convolution behind it.
+struct Piece {
+    takes: Vec<NodeId>,
+    gives: Vec<NodeId>,
+    /// Nothing behind this piece needs these any more.
+    last_used: Vec<NodeId>,
+    layer: Option<Layer>,
+}
+
+/// A convolution channel by channel, between two tensors.
+struct Layer {
+    input: NodeId,
+    output: NodeId,
+    depthwise: Depthwise,
 }
 
 impl RtenNetwork {
-    /// Loads an ONNX file's bytes for inputs of `side` pixels, to run on `threads` threads.
+    /// Loads an ONNX file's bytes with its card, to run on `threads` threads.
     ///
     /// # Errors
     /// [`ModelError::BadNetwork`]; `path` is for the message only.
-    pub fn new(onnx: Vec<u8>, side: u32, threads: usize, path: &Path) -> Result<Self, ModelError> {
+    pub fn new(onnx: Vec<u8>, card: &Card, threads: usize, path: &Path) -> Result<Self, ModelError> {
         let bad = |what: String| ModelError::BadNetwork { path: path.to_owned(), what };
         // Weights are laid out for the processor once, here, and not at every picture.
         let mut options = rten::ModelOptions::with_all_ops();
@@ -37,22 +57,126 @@ impl RtenNetwork {
         };
         let (input, output) = (*input, *output);
         let pool = Arc::new(ThreadPool::with_num_threads(threads.max(1)));
-        Ok(Self { model, input, output, side: side as usize, pool })
+        let pieces = pieces(&model, &card.steps).map_err(|what| {
+            bad(format!("the card's steps do not fit the network: {what}; export both again, or remove `steps` from the card"))
+        })?;
+        Ok(Self { model, input, output, side: card.input_side as usize, pool, pieces })
     }
+
+    fn options(&self) -> RunOptions {
+        let mut options = RunOptions::default();
+        options.thread_pool = Some(Arc::clone(&self.pool));
+        options
+    }
+
+    /// The answer of the network in one piece.
+    fn whole(&self, picture: NdTensorView<'_, f32, 4>) -> Result<Value, String> {
+        let answer =
+            self.model.run_n(vec![(self.input, picture.into())], [self.output], Some(self.options()));
+        answer.map(|[value]| value).map_err(|error| error.to_string())
+    }
+
+    /// The answer of the network piece by piece.
+    fn in_pieces(&mut self, picture: NdTensorView<'_, f32, 4>) -> Result<Value, String> {
+        let options = self.options();
+        let mut known: HashMap<NodeId, Value> = HashMap::new();
+        for piece in &mut self.pieces {
+            let mut inputs: Vec<(NodeId, ValueOrView<'_>)> = Vec::with_capacity(piece.takes.len());
+            for id in &piece.takes {
+                if *id == self.input {
+                    inputs.push((*id, picture.into()));
+                } else {
+                    let value = known.get(id).ok_or("a tensor is used before it is there")?;
+                    inputs.push((*id, ValueOrView::View(value.as_view())));
+                }
+            }
+            let given = self
+                .model
+                .run(inputs, &piece.gives, Some(options.clone()))
+                .map_err(|error| error.to_string())?;
+            known.extend(piece.gives.iter().copied().zip(given));
+            if let Some(layer) = &mut piece.layer {
+                let value = known.get(&layer.input).ok_or("a convolution's input is not there")?;
+                let filtered = layer.run(value)?;
+                known.insert(layer.output, filtered);
+            }
+            for id in &piece.last_used {
+                known.remove(id);
+            }
+        }
+        known.remove(&self.output).ok_or_else(|| "no piece gives the answer".to_owned())
+    }
+}
+
+impl Layer {
+    fn run(&mut self, value: &Value) -> Result<Value, String> {
+        let view: NdTensorView<'_, f32, 4> = value
+            .as_view()
+            .try_into()
+            .map_err(|_| "a convolution's input is not made of numbers for one picture")?;
+        let [pictures, channels, rows, columns] = view.shape();
+        let mut filtered = Vec::new();
+        let whole = view.to_contiguous();
+        let fits = pictures == 1
+            && channels == self.depthwise.channels()
+            && self.depthwise.run(whole.data(), rows, columns, &mut filtered);
+        if !fits {
+            return Err(format!(
+                "a convolution of {} channels cannot take {:?}",
+                self.depthwise.channels(),
+                view.shape()
+            ));
+        }
+        let shape = [1, channels, self.depthwise.outputs(rows), self.depthwise.outputs(columns)];
+        Ok(NdTensor::from_data(shape, filtered).into())
+    }
+}
+
+/// From the card's names to the loaded network's numbers.
+fn pieces(model: &Model, steps: &[Step]) -> Result<Vec<Piece>, String> {
+    let find = |name: &String| model.find_node(name).ok_or_else(|| format!("it has no tensor \"{name}\""));
+    let find_all = |names: &[String]| names.iter().map(find).collect::<Result<Vec<_>, _>>();
+    let mut pieces = Vec::with_capacity(steps.len());
+    for step in steps {
+        let layer = match &step.depthwise {
+            None => None,
+            Some(layer) => {
+                let kernel = constant(model, find(&layer.kernel)?, &layer.kernel)?;
+                let bias = constant(model, find(&layer.bias)?, &layer.bias)?;
+                let depthwise = Depthwise::new(kernel, bias, layer.stride, [layer.low, layer.high])
+                    .ok_or_else(|| {
+                        format!("\"{}\" is no kernel for every channel by itself", layer.kernel)
+                    })?;
+                Some(Layer { input: find(&layer.input)?, output: find(&layer.output)?, depthwise })
+            }
+        };
+        let (takes, gives) = (find_all(&step.takes)?, find_all(&step.gives)?);
+        pieces.push(Piece { takes, gives, last_used: Vec::new(), layer });
+    }
+    let mut seen = std::collections::HashSet::new();
+    for piece in pieces.iter_mut().rev() {
+        let own = piece.layer.iter().map(|layer| layer.input);
+        let used: Vec<NodeId> = piece.takes.iter().copied().chain(own).collect();
+        piece.last_used = used.into_iter().filter(|id| seen.insert(*id)).collect();
+    }
+    Ok(pieces)
+}
+
+/// The numbers of a tensor that no picture changes.
+fn constant(model: &Model, id: NodeId, name: &str) -> Result<Vec<f32>, String> {
+    let [value] = model.run_n(Vec::new(), [id], None).map_err(|error| format!("\"{name}\": {error}"))?;
+    let tensor: rten_tensor::Tensor<f32> =
+        value.try_into().map_err(|_| format!("\"{name}\" is not made of numbers"))?;
+    Ok(tensor.to_vec())
 }
 
 impl Rows for RtenNetwork {
     fn infer(&mut self, input: &[f32], rows: &mut Vec<f32>) -> Result<(), Unknown> {
         let failed = |what: String| Unknown::Failed { what };
         let shape = [1, 3, self.side, self.side];
-        let tensor = NdTensorView::try_from_data(shape, input).map_err(|error| failed(error.to_string()))?;
-        let mut options = RunOptions::default();
-        options.thread_pool = Some(Arc::clone(&self.pool));
-        let [answer] = self
-            .model
-            .run_n(vec![(self.input, tensor.into())], [self.output], Some(options))
-            .map_err(|error| failed(error.to_string()))?;
-        let answer: NdTensor<f32, 3> = answer.try_into().map_err(|_| Unknown::Nonsense {
+        let picture = NdTensorView::try_from_data(shape, input).map_err(|error| failed(error.to_string()))?;
+        let answer = if self.pieces.is_empty() { self.whole(picture) } else { self.in_pieces(picture) };
+        let answer: NdTensor<f32, 3> = answer.map_err(failed)?.try_into().map_err(|_| Unknown::Nonsense {
             what: "the answer is not a table of numbers for one picture".to_owned(),
         })?;
         rows.clear();

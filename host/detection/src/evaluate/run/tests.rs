@@ -15,6 +15,7 @@ fn card() -> Card {
         largest_overlap: 0.5,
         operating_scores: vec![0.5, 0.3, 0.7],
         calibration: Calibration::default(),
+        steps: Vec::new(),
         about: serde_json::Value::Null,
     }
 }
