@@ -6,6 +6,7 @@ use clap::{Args, Subcommand};
 use indicatif::ProgressBar;
 
 use crate::paper::table::{Count, PAPER_WIDTH, TableRow, compare, error_mm, seven_objects};
+use crate::paper::trials::{self, PLACES, Pair, Trial, counted};
 use crate::scene_file::Scene;
 
 /// The source paper's own method (colour thresholds, Hough, top-down view, closed-form heights) beside this project's.
@@ -20,6 +21,15 @@ enum Command {
     /// The paper's table of seven objects, made again in the twin with the paper's rig, as Markdown.
     Table {
         /// One JSON object a row on standard output.
+        #[arg(long)]
+        json: bool,
+    },
+    /// The paper's detection trials, made again in the twin: kinds of objects in four directions at five places, by both methods.
+    Trials {
+        /// Columns of the pictures.
+        #[arg(long, value_name = "PIXELS", default_value_t = 1152, value_parser = clap::value_parser!(u16).range(256..=4608))]
+        width: u16,
+        /// One JSON object a picture on standard output.
         #[arg(long)]
         json: bool,
     },
@@ -42,6 +52,7 @@ impl PaperArguments {
     pub fn run(&self) -> anyhow::Result<u8> {
         match &self.command {
             Command::Table { json } => table(*json)?,
+            Command::Trials { width, json } => detection(*width, *json)?,
             Command::Compare { json, directory } => count(*json, &Scene::load_all(directory)?)?,
         }
         Ok(0)
@@ -79,6 +90,44 @@ fn table(json: bool) -> anyhow::Result<()> {
         error(|row| row.ours_mm),
         error(|row| row.closed_form_mm),
         error(|row| row.closed_form_off_mm)
+    );
+    Ok(())
+}
+
+fn detection(width: u16, json: bool) -> anyhow::Result<()> {
+    let bar = ProgressBar::new(trials::count());
+    let all = trials::play(width, || bar.inc(1))?;
+    bar.finish_and_clear();
+    if json {
+        for trial in &all {
+            say!("{}", serde_json::to_string(trial)?);
+        }
+        return Ok(());
+    }
+    let (laid, clean): (Vec<Trial>, Vec<Trial>) = all.into_iter().partition(|trial| trial.expected_trip);
+    say!("| object | trials | found by ours | by the paper's pipeline |");
+    say!("|---|---|---|---|");
+    let row = |name: &str, Pair { ours, paper }: &Pair| -> anyhow::Result<()> {
+        let of = ours.trips + ours.misses;
+        say!("| {name} | {of} | {} | {} |", ours.trips, paper.trips);
+        Ok(())
+    };
+    for (name, pair) in counted(&laid, |trial| trial.object) {
+        row(name, &pair)?;
+    }
+    for (direction, pair) in counted(&laid, |trial| trial.direction_degrees) {
+        row(&format!("turned by {direction} degrees"), &pair)?;
+    }
+    for (place, pair) in counted(&laid, |trial| trial.place) {
+        row(&format!("at {:.0} % of the stripe, from the near end", 100.0 * PLACES[place]), &pair)?;
+    }
+    row("all", &counted(&laid, |_| ()).remove(&()).unwrap_or_default())?;
+    let Pair { ours, paper } = counted(&clean, |_| ()).remove(&()).unwrap_or_default();
+    let of = ours.clear + ours.false_trips;
+    say!(
+        "\nClean floors that tripped, of {of}: ours {}, the paper's pipeline {}.",
+        ours.false_trips,
+        paper.false_trips
     );
     Ok(())
 }

@@ -16,6 +16,7 @@ pub mod mask;
 pub mod table;
 pub mod top_down;
 pub mod trajectory;
+pub mod trials;
 
 use image::RgbImage;
 use nearfield_shared::rig::{ImageSize, Rig};
