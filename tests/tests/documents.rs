@@ -58,6 +58,29 @@ fn every_link_of_every_document_leads_somewhere() {
     assert!(checked > 20, "only {checked} links found");
 }
 
+/// The rule: what the README quotes between `<!-- quoted from tests/REPORT.md -->` and `<!-- end of quotation -->` stands in the last
+/// report that was committed, line by line.
+#[test]
+fn the_readme_quotes_the_last_report() {
+    let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
+    let report = std::fs::read_to_string(root().join("tests/REPORT.md")).unwrap();
+    let known: std::collections::HashSet<&str> = report.lines().map(str::trim_end).collect();
+    let quotations: Vec<&str> = readme
+        .split("<!-- quoted from tests/REPORT.md -->")
+        .skip(1)
+        .map(|rest| rest.split_once("<!-- end of quotation -->").expect("every quotation ends").0)
+        .collect();
+    assert!(!quotations.is_empty());
+    for line in
+        quotations.iter().flat_map(|quotation| quotation.lines()).filter(|line| !line.trim().is_empty())
+    {
+        assert!(
+            known.contains(line.trim_end()),
+            "README.md quotes what tests/REPORT.md does not say: {line}"
+        );
+    }
+}
+
 #[test]
 fn the_operators_guide_has_a_row_for_every_cause_in_the_order_of_their_bits() {
     let guide = std::fs::read_to_string(root().join("host/README.md")).unwrap();

@@ -11,6 +11,7 @@ mod fuzz;
 mod miri;
 mod mutants;
 mod panic_free;
+mod report;
 mod run;
 mod seeded_faults;
 mod setup;
@@ -40,6 +41,7 @@ nearfield's chores. Each sets up what it needs by itself.
   cargo xtask budget     flash, RAM, stack and instructions of the firmware against tests/budget.toml
                          (--write keeps the measured figures plus headroom as the new budget)
   cargo xtask bench      what a frame of 2304 x 1296 costs the host, against the sum of the bytes that it reads
+  cargo xtask report     the source paper's tables made again beside ours, in one run: tests/REPORT.md, target/report.html
   cargo xtask train-smoke  half a minute of training the detector on toy pictures, up to being judged (Python, PyPI)
   cargo xtask lint       format and lints only
   cargo xtask panic-free the proof by linking that the safety core cannot panic
@@ -101,6 +103,7 @@ fn dispatch(verb: &str, rest: &[String]) -> Result<()> {
             budget::check(rest.iter().any(|argument| argument == "--write"))
         }
         "bench" => bench::table(),
+        "report" => report::make(),
         "lint" => {
             setup::firmware_target()?;
             setup::components()?;
