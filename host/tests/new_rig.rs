@@ -30,7 +30,7 @@ fn a_new_rig_goes_from_study_to_calibration_to_stops() {
         assert!(at.join("study").join(file).metadata().unwrap().len() > 200, "{file}");
     }
     done(at, "twin calibration --rig study/recommended.toml --block 30 --block 60 --out pictures");
-    let views: Vec<String> = (0..10).map(|index| format!("pictures/lens{index:02}.png")).collect();
+    let views: Vec<String> = (0..14).map(|index| format!("pictures/lens{index:02}.png")).collect();
     done(at, &format!("calibrate lens --square 25 --view 97 --out lens.toml {}", views.join(" ")));
     let told = done(
         at,

@@ -15,7 +15,7 @@ use crate::twin::{Picture, Scene, SceneObject, Twin, View};
 
 /// Render the pictures that `nearfield calibrate` asks for, of a rig that is known.
 ///
-/// Writes into DIR: `lens00.png` to `lens09.png` (views of a board), `board.png` (the board flat on the floor where the stripe runs),
+/// Writes into DIR: `lens00.png` to `lens13.png` (views of a board), `board.png` (the board flat on the floor where the stripe runs),
 /// `stripe.png` (the stripe on the clean floor), `blockH.png` for each block height, `clean.png` (another clean floor, for
 /// `calibrate check` and `capability`), `rod.png` and `object.png` (a test piece and a box on the stripe, to try the calibrated
 /// rig on), and the true rig as `true.toml`.

@@ -79,12 +79,12 @@ impl PaintedBoard {
     }
 }
 
-/// Ten views as a calibration of the lens asks for them: tilted to all sides, near and far, in the middle and in the corners.
+/// Fourteen views as a calibration of the lens asks for them: tilted to all sides, near and far, in the middle and in the corners.
 ///
 /// `square_count` squares across fill a good part of the picture; `lens` tells how far to the side the picture reaches.
 #[must_use]
 pub fn lens_views(lens: &Intrinsics, size: ImageSize, board: &PaintedBoard) -> Vec<Camera> {
-    const PLACES: [(f64, f64); 10] = [
+    const PLACES: [(f64, f64); 14] = [
         (0.0, 0.0),
         (-1.0, -1.0),
         (1.0, -1.0),
@@ -95,9 +95,14 @@ pub fn lens_views(lens: &Intrinsics, size: ImageSize, board: &PaintedBoard) -> V
         (1.0, 0.0),
         (0.3, -0.8),
         (-0.3, 0.8),
+        (0.0, -1.0),
+        (0.0, 1.0),
+        (0.7, 0.7),
+        (-0.7, -0.7),
     ];
     /// Tilt about x and turn about y, radians.
-    const TURNS: [(f64, f64); 5] = [(0.6, 0.0), (0.0, 0.6), (-0.55, 0.1), (0.1, -0.55), (0.4, 0.4)];
+    const TURNS: [(f64, f64); 7] =
+        [(0.6, 0.0), (0.0, 0.6), (-0.55, 0.1), (0.1, -0.55), (0.4, 0.4), (-0.6, 0.0), (-0.4, -0.4)];
     /// The board's width over the picture's, near and far.
     const SHARES: [f64; 2] = [0.48, 0.38];
     let board_width = board.square_mm * f64::from(board.corners[0] + 1);
@@ -114,7 +119,7 @@ pub fn lens_views(lens: &Intrinsics, size: ImageSize, board: &PaintedBoard) -> V
             let room_down = (rows - share * 0.95).max(0.0) * half_view * far;
             let (tilt, turn) = TURNS[index % TURNS.len()];
             let place = Vector::new(across * room, down * room_down, far);
-            facing(*lens, [tilt, turn, 0.1 * index as f64], place)
+            facing(*lens, [tilt, turn, 0.12 * index as f64], place)
         })
         .collect()
 }
