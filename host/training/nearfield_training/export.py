@@ -22,6 +22,9 @@ from .network import ANCHORS, STRIDES, Yolo
 from .predict import letterbox
 
 OPSET = 13
+# How a network's card names what it is.
+ARCHITECTURES = {scale: f"YOLOv5 version 6, {scale}" for scale in ("n", "s", "m")}
+ARCHITECTURES["lite"] = "EfficientNet-Lite0 (began with TensorFlow's weights, Apache-2.0) and the neck and heads of YOLOv5 version 6, n"
 # A first guess; `nearfield evaluate --write-card` replaces it by one fitted on the validation pictures.
 FIRST_OPERATING_SCORE = 0.4
 LARGEST_OVERLAP = 0.5
@@ -238,7 +241,7 @@ def run(options: argparse.Namespace) -> None:
     write_hailo(heads, state, options.out / f"{options.name}.alls", options.out / f"{options.name}-nms.json")
     compact = options.out / f"{options.name}-compact.onnx"
     write_compact(plain, compact)
-    about = {"architecture": f"YOLOv5 version 6, {state['scale']}", "epochs": state["epoch"], "seed": state["seed"]}
+    about = {"architecture": ARCHITECTURES[state["scale"]], "epochs": state["epoch"], "seed": state["seed"]}
     for path in (plain, compact):
         content = card(state, path.stem, about)
         if cut := steps(path):
