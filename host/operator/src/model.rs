@@ -1,0 +1,423 @@
+//! From events to what is shown: the model's thread.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use nearfield_recording::messages::nanoseconds;
+use nearfield_recording::recorder::Watch;
+use nearfield_recording::{Decision, Detections, Event, Picture, Stamped};
+use nearfield_shared::causes::{StopCause, StopCauses};
+use nearfield_shared::columns::{Decimation, GeometryError, StripeGeometry};
+use nearfield_shared::limits::LARGEST_COLUMN_COUNT;
+use nearfield_shared::linescan::LineScan;
+use nearfield_shared::rig::Rig;
+use nearfield_shared::status::{Status, Warnings};
+use nearfield_shared::units::Micros;
+use serde::Serialize;
+
+use crate::metrics::{Histogram, Metrics};
+use crate::tally::Tally;
+use crate::view::{
+    Counts, Latency, Live, Named, Object, PictureView, Profile, Recording, Status as StatusView, Stop,
+};
+
+/// A part of the response time.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Part {
+    /// What takes the time.
+    pub name: String,
+    /// In the middle, milliseconds.
+    pub typical_ms: f64,
+    /// At most, milliseconds.
+    pub worst_ms: f64,
+}
+
+/// The smallest object that trips at a place.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Smallest {
+    /// Along the stripe, millimetres.
+    pub place_mm: f64,
+    /// Width, millimetres; none = nothing is surely seen here.
+    pub width_mm: Option<f64>,
+}
+
+/// A named stretch of the stripe.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ZoneView {
+    /// A to H.
+    pub name: String,
+    /// First place, millimetres.
+    pub start_mm: f64,
+    /// Last place, millimetres.
+    pub end_mm: f64,
+    /// `protective` or `warning`.
+    pub field: &'static str,
+}
+
+/// What does not change while the program runs.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct About {
+    /// The module's name.
+    pub module: String,
+    /// The program's version.
+    pub version: String,
+    /// Ends of the watched stripe, millimetres.
+    pub stripe_mm: [f64; 2],
+    /// The response time, part by part.
+    pub response: Vec<Part>,
+    /// The vote over several pictures adds this for narrow things, milliseconds.
+    pub vote_ms: f64,
+    /// At most, for narrow things, milliseconds.
+    pub response_worst_ms: f64,
+    /// Where the stripe must lie at least, millimetres before the robot.
+    pub stopping_distance_mm: f64,
+    /// Where it lies.
+    pub distance_mm: f64,
+    /// The speed that this permits, mm/s.
+    pub permitted_speed_mm_s: f64,
+    /// The smallest object at each place.
+    pub capability: Vec<Smallest>,
+    /// Named stretches.
+    pub zones: Vec<ZoneView>,
+    /// Does somebody hold a token for remarks?
+    pub takes_remarks: bool,
+}
+
+/// What the server hands out, as bytes: nothing is computed for a client.
+#[derive(Debug, Default)]
+pub struct Published {
+    /// `/api/live`.
+    pub live: Vec<u8>,
+    /// `/api/status`.
+    pub status: Vec<u8>,
+    /// `/api/vda5050`.
+    pub vda5050: Vec<u8>,
+    /// `/metrics`.
+    pub metrics: Vec<u8>,
+    /// `/picture.jpg`.
+    pub picture: Option<Arc<Picture>>,
+}
+
+/// The newest publication, between the model's thread and the server's.
+#[derive(Debug, Clone, Default)]
+pub struct Board(Arc<Mutex<Arc<Published>>>);
+
+impl Board {
+    /// The newest.
+    #[must_use]
+    pub fn newest(&self) -> Arc<Published> {
+        Arc::clone(&self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn publish(&self, published: Published) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Arc::new(published);
+    }
+}
+
+/// What the page shows as "nothing heard" when the newest status is older.
+const STALE: Duration = Duration::from_secs(1);
+const KEPT_LATENCIES: usize = 1000;
+const KEPT_STOPS: usize = 50;
+/// Points of the profile at most: a phone's screen has no more.
+const PROFILE_POINTS: usize = 384;
+
+/// See the module's documentation.
+pub struct Model {
+    module: String,
+    begun: u64,
+    geometry: Box<StripeGeometry<LARGEST_COLUMN_COUNT>>,
+    decimation: Decimation,
+    tally: Arc<Tally>,
+    recording: Option<Watch>,
+    now: Micros,
+    status: Option<(Instant, Status)>,
+    relay_closed: Option<bool>,
+    profile: Profile,
+    scan: Vec<Option<f32>>,
+    latencies: VecDeque<f64>,
+    histogram: Histogram,
+    stops: VecDeque<Stop>,
+    stop_count: u64,
+    stops_by_cause: [u64; StopCause::ALL.len()],
+    picture: Option<Arc<Picture>>,
+    picture_number: u64,
+    detections: Option<Arc<Detections>>,
+    missed: u64,
+}
+
+impl Model {
+    /// For a rig; `begun` is when the host's clock stood at 0, nanoseconds since 1970.
+    ///
+    /// # Errors
+    /// The rig's picture does not resolve the stripe.
+    pub fn new(
+        module: &str,
+        begun: u64,
+        rig: &Rig,
+        tally: Arc<Tally>,
+        recording: Option<Watch>,
+    ) -> Result<Self, GeometryError> {
+        let decimation = Decimation::for_line_scan(rig.image().width);
+        let mut geometry = Box::new(StripeGeometry::empty());
+        geometry.fill(rig, decimation)?;
+        Ok(Self {
+            module: module.to_owned(),
+            begun,
+            geometry,
+            decimation,
+            tally,
+            recording,
+            now: Micros::ZERO,
+            status: None,
+            relay_closed: None,
+            profile: Profile::default(),
+            scan: Vec::new(),
+            latencies: VecDeque::with_capacity(KEPT_LATENCIES),
+            histogram: Histogram::default(),
+            stops: VecDeque::with_capacity(KEPT_STOPS),
+            stop_count: 0,
+            stops_by_cause: [0; StopCause::ALL.len()],
+            picture: None,
+            picture_number: 0,
+            detections: None,
+            missed: 0,
+        })
+    }
+
+    /// Events that the queue had no room for so far.
+    pub const fn missed(&mut self, count: u64) {
+        self.missed = count;
+    }
+
+    /// Takes an event.
+    pub fn take(&mut self, stamped: Stamped) {
+        self.now = stamped.at;
+        match stamped.event {
+            Event::Exchange { line_scan, status, .. } => {
+                if let Ok(status) = Status::parse(&status) {
+                    self.status = Some((Instant::now(), status));
+                }
+                if let Some(bytes) = line_scan
+                    && let Ok(scan) = LineScan::parse(&bytes)
+                {
+                    self.scan.clear();
+                    self.scan.extend(scan.columns().map(|column| column.row.to_pixels()));
+                }
+            }
+            Event::Decision(decision) => self.decision(&decision),
+            Event::Picture(picture) => {
+                self.picture = Some(picture);
+                self.picture_number += 1;
+            }
+            Event::Detections(detections) => self.detections = Some(detections),
+            Event::PowerUp { .. } | Event::Tick(_) | Event::Mark(_) | Event::Warning(_) => {}
+        }
+    }
+
+    fn decision(&mut self, decision: &Decision) {
+        let latency = decision.latency.as_secs_f64() * 1e3;
+        self.histogram.add(latency);
+        if self.latencies.len() == KEPT_LATENCIES {
+            self.latencies.pop_front();
+        }
+        self.latencies.push_back(latency);
+        if self.relay_closed == Some(true) && !decision.relay_closed {
+            self.stop();
+        }
+        self.relay_closed = Some(decision.relay_closed);
+    }
+
+    fn stop(&mut self) {
+        self.stop_count += 1;
+        let status = self.status.map(|(_, status)| status);
+        let causes =
+            status.map_or(StopCauses::NONE, |status| status.live_causes.union(status.latched_causes));
+        let causes = causes.without(StopCause::Interlock);
+        for (count, cause) in self.stops_by_cause.iter_mut().zip(StopCause::ALL) {
+            *count += u64::from(causes.contains(cause));
+        }
+        if self.stops.len() == KEPT_STOPS {
+            self.stops.pop_back();
+        }
+        self.stops.push_front(Stop {
+            number: self.stop_count,
+            unix_ms: nanoseconds(self.begun, self.now) / 1_000_000,
+            causes: named(causes),
+            longest_gap_mm: status
+                .and_then(|status| status.longest_gap)
+                .map_or(0.0, |gap| gap.length().get()),
+            highest_mm: status.and_then(|status| status.highest).map(|highest| highest.height.get()),
+            recording: self.recording.as_ref().map(|watch| watch.state().file).unwrap_or_default(),
+        });
+    }
+
+    /// Writes everything down and publishes it.
+    pub fn publish(&mut self, board: &Board) {
+        self.thin_out();
+        let live = Live {
+            status: self.status_view(),
+            profile: self.profile.clone(),
+            picture: self.picture_view(),
+            tier_three: self.detections.as_ref().map(|detections| detections.seen.is_ok()),
+            objects: self.objects(),
+            stops: self.stops.iter().cloned().collect(),
+        };
+        let bytes = |value: Result<Vec<u8>, serde_json::Error>| value.unwrap_or_default();
+        let metrics = Metrics {
+            status: &live.status,
+            histogram: &self.histogram,
+            stops: &self.stops_by_cause,
+            missed: self.missed,
+        };
+        board.publish(Published {
+            status: bytes(serde_json::to_vec(&live.status)),
+            vda5050: bytes(serde_json::to_vec(&crate::vda5050::payload(&live.status))),
+            metrics: metrics.text().into_bytes(),
+            live: bytes(serde_json::to_vec(&live)),
+            picture: self.picture.clone(),
+        });
+    }
+
+    /// The newest status, unless it is too old to be shown as one.
+    fn fresh_status(&self) -> Option<&Status> {
+        self.status.as_ref().filter(|(heard, _)| heard.elapsed() < STALE).map(|(_, status)| status)
+    }
+
+    fn status_view(&self) -> StatusView {
+        let status = self.fresh_status();
+        let relay = match (status, self.relay_closed) {
+            (Some(_), Some(true)) => "closed",
+            (Some(_), Some(false)) => "open",
+            _ => "unknown",
+        };
+        let warnings = status.map_or(Warnings::NONE, |status| status.warnings);
+        let millis = |age: Micros| age.get() as f64 / 1000.0;
+        StatusView {
+            module: self.module.clone(),
+            uptime_s: self.now.get() as f64 / 1e6,
+            relay,
+            state: status.map_or("", |status| status.state.name()),
+            live: status.map_or_else(Vec::new, |status| named(status.live_causes)),
+            latched: status.map_or_else(Vec::new, |status| named(status.latched_causes)),
+            warnings: Warnings::NAMED
+                .iter()
+                .filter(|(warning, ..)| warnings.has_any(*warning))
+                .map(|(_, name, words)| Named { name, words })
+                .collect(),
+            longest_gap_mm: status
+                .and_then(|status| status.longest_gap)
+                .map_or(0.0, |gap| gap.length().get()),
+            highest_mm: status.and_then(|status| status.highest).map(|highest| highest.height.get()),
+            lowest_mm: status.and_then(|status| status.lowest).map(|lowest| lowest.get()),
+            permitted_speed_percent: status.map_or(0, |status| status.health.permitted_speed_percent),
+            decision_age_ms: status.map_or([0.0; 3], |status| {
+                [status.decision_age, status.longest_decision_age, status.response_bound].map(millis)
+            }),
+            latency: self.latency(),
+            counts: self.counts(status),
+            recording: self.recording_view(),
+        }
+    }
+
+    fn latency(&self) -> Latency {
+        let mut sorted: Vec<f64> = self.latencies.iter().copied().collect();
+        sorted.sort_by(f64::total_cmp);
+        let at = |share: f64| {
+            let index = (share * sorted.len() as f64).ceil() as usize;
+            sorted.get(index.saturating_sub(1)).copied().unwrap_or(0.0)
+        };
+        Latency { p50_ms: at(0.5), p99_ms: at(0.99), longest_ms: at(1.0) }
+    }
+
+    fn counts(&self, status: Option<&Status>) -> Counts {
+        let refused = status.map_or([0; 8], |status| status.refused);
+        Counts {
+            pictures: self.tally.pictures.get(),
+            missing: self.tally.missing.get(),
+            lost: self.tally.lost.get(),
+            restarts: self.tally.restarts.get(),
+            stops: self.stop_count,
+            accepted: status.map_or(0, |status| status.accepted),
+            refused: refused.iter().fold(0, |sum: u32, count| sum.saturating_add(*count)),
+        }
+    }
+
+    fn recording_view(&self) -> Recording {
+        let Some(watch) = &self.recording else { return Recording::default() };
+        let state = watch.state();
+        Recording {
+            wanted: true,
+            file: state.file,
+            written: state.written,
+            dropped: state.dropped,
+            problem: state.problem,
+        }
+    }
+
+    fn picture_view(&self) -> PictureView {
+        let (width, height) = self.picture.as_ref().map_or((0, 0), |picture| picture.full_size);
+        PictureView { number: self.picture_number, width, height }
+    }
+
+    fn objects(&self) -> Vec<Object> {
+        let seen = self.detections.iter().flat_map(|detections| detections.seen.iter().flatten());
+        seen.map(|one| Object {
+            category: one.category.clone(),
+            confidence: one.confidence,
+            pixels: one.pixels,
+        })
+        .collect()
+    }
+
+    /// Of neighbouring columns the one that is farthest from the floor, or that shows nothing, stands for all of them:
+    /// what is thin stays visible.
+    fn thin_out(&mut self) {
+        let mut profile = std::mem::take(&mut self.profile);
+        for list in [&mut profile.place_mm, &mut profile.column] {
+            list.clear();
+        }
+        profile.height_mm.clear();
+        profile.row.clear();
+        let watched = self.geometry.watched();
+        let group = watched.len().div_ceil(PROFILE_POINTS).max(1);
+        let columns: Vec<usize> = watched.collect();
+        for group in columns.chunks(group) {
+            let Some(column) = group
+                .iter()
+                .copied()
+                .max_by(|one, other| self.departure(*one).total_cmp(&self.departure(*other)))
+            else {
+                continue;
+            };
+            let Some(map) = self.geometry.map(column) else { continue };
+            let row = self.scan.get(column).copied().flatten();
+            let centre = self.decimation.centre(u16::try_from(column).unwrap_or(u16::MAX));
+            profile.place_mm.push(rounded(map.floor_place));
+            profile.column.push(rounded(centre as f32));
+            profile.row.push(row.map(rounded));
+            profile.height_mm.push(row.map(|row| rounded(map.height(row))));
+        }
+        self.profile = profile;
+    }
+
+    fn departure(&self, column: usize) -> f32 {
+        let row = self.scan.get(column).copied().flatten();
+        match (row, self.geometry.map(column)) {
+            (Some(row), Some(map)) => map.height(row).abs(),
+            _ => f32::INFINITY,
+        }
+    }
+}
+
+/// To a hundredth: enough for eyes, and short.
+fn rounded(value: f32) -> f32 {
+    (value * 100.0).round() / 100.0
+}
+
+fn named(causes: StopCauses) -> Vec<Named> {
+    causes.iter().map(|cause| Named { name: cause.name(), words: cause.words() }).collect()
+}
+
+#[cfg(test)]
+mod tests;
