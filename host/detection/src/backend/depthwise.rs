@@ -111,7 +111,7 @@ fn spread(row: &[f32], padded: &mut [f32], border: usize, stride: usize, phase: 
     }
     // Stride 2: the first column lands in the first half if the border is even.
     let (even, odd) = padded.split_at_mut(phase);
-    let (mut first, mut second) = if border % 2 == 0 { (even, odd) } else { (odd, even) };
+    let (mut first, mut second) = if border.is_multiple_of(2) { (even, odd) } else { (odd, even) };
     let (place, after) = (border / 2, border.div_ceil(2));
     first = &mut first[place..];
     second = &mut second[after..];
