@@ -185,6 +185,9 @@ impl Random {
 /// The families of rigs that the project is made for.
 pub const FAMILIES: [&str; 5] = ["side", "central", "height", "skewed", "wide"];
 
+/// Rigs with a laser far below the highest mapped height: what it lights ends there, and so must what the maps are fitted to.
+pub const LOW: &str = "low laser";
+
 /// A random rig of a family: the nominal one plus mounting tolerances.
 #[must_use]
 pub fn random_rig(family: &'static str, random: &mut Random) -> OracleRig {
@@ -195,6 +198,10 @@ pub fn random_rig(family: &'static str, random: &mut Random) -> OracleRig {
         "central" => ([0.0, 0.0, 500.0], [0.0, 45.0, 0.0], [0.0, 0.0, 200.0], standard, (-420.0, 415.0)),
         "height" => ([0.0, 0.0, 400.0], [0.0, 50.0, 0.0], [0.0, 0.0, 200.0], standard, (-380.0, 375.0)),
         "skewed" => ([35.0, 8.0, 403.0], [-2.5, 48.7, 1.3], [-110.0, 3.0, 198.0], standard, (-355.0, 385.0)),
+        LOW => {
+            let laser = [0.0, 0.0, random.within(60.0, 150.0)];
+            ([0.0, 0.0, 300.0], [0.0, 25.0, 0.0], laser, wide, (-300.0, 300.0))
+        }
         _ => ([0.0, 0.0, 400.0], [0.0, 46.0, 0.0], [0.0, 0.0, 200.0], wide, (-560.0, 560.0)),
     };
     let (mut lens, mut distortion) = optics;
