@@ -40,7 +40,7 @@ impl Eye for Stalled {
 /// A robot in front of a scene.
 struct Stage {
     rig: Rig,
-    path: StripePath,
+    path: StripePath<McuSession>,
     twin: Twin,
     picture: Picture,
     frame: u64,
@@ -62,8 +62,8 @@ impl Stage {
     /// One picture; tells whether the robot may move.
     fn step(&mut self) -> bool {
         let facts = FrameFacts::default();
-        let exposed = self.path.session().now().since(facts.capture_age);
-        let drive = self.path.session().mean_laser_drive(exposed, facts.exposure);
+        let exposed = self.path.controller().now().since(facts.capture_age);
+        let drive = self.path.controller().mean_laser_drive(exposed, facts.exposure);
         self.twin.render_into(self.frame, drive, &mut self.picture);
         self.frame += 1;
         let frame = self.picture.to_yuv420_frame().unwrap();
@@ -79,11 +79,11 @@ impl Stage {
     fn arm(&mut self) {
         for frame in 0..90 {
             if frame == 30 {
-                self.path.session().press_reset();
+                self.path.controller().press_reset();
             }
             self.step();
         }
-        assert!(self.step(), "not armed: {:?}", self.path.session().status());
+        assert!(self.step(), "not armed: {:?}", self.path.controller().status());
     }
 
     /// Goes on over clean floor until the controller is told of something, which takes tier 3's thread a few pictures.
@@ -187,7 +187,7 @@ fn a_detector_that_does_not_answer_delays_and_permits_nothing() {
     stage.place(&[debris(LOW)]);
     stage.steps(5);
     assert!(!stage.step(), "and no reason to let anything pass");
-    let causes = stage.path.session().status().latched_causes;
+    let causes = stage.path.controller().status().latched_causes;
     assert!(causes.contains(StopCause::StripeCut), "{causes:?}");
     drop(let_go);
 }
@@ -216,6 +216,6 @@ fn a_person_ahead_stops_before_the_stripe_is_touched() {
         }
         std::thread::yield_now();
     }
-    assert!(!closed && stage.path.session().status().latched_causes.contains(StopCause::HostRequest));
+    assert!(!closed && stage.path.controller().status().latched_causes.contains(StopCause::HostRequest));
     assert_eq!(stage.path.last_verdict(), HostVerdict::Stop);
 }

@@ -86,14 +86,20 @@ impl Frame {
         Self { size: ImageSize { width: 0, height: 0 }, pixels: Pixels::Grey(Vec::new()) }
     }
 
-    /// Becomes a copy of another frame; memory that is large enough is used again.
-    pub fn copy_from(&mut self, other: &Self) {
-        self.size = other.size;
+    /// The pixels' memory, emptied.
+    fn take_memory(&mut self) -> Vec<u8> {
         let mut bytes = match std::mem::replace(&mut self.pixels, Pixels::Grey(Vec::new())) {
             Pixels::Rgb(bytes) | Pixels::Grey(bytes) | Pixels::Yuv420(bytes) | Pixels::Nv12(bytes) => bytes,
         };
+        bytes.clear();
+        bytes
+    }
+
+    /// Becomes a copy of another frame; memory that is large enough is used again.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.size = other.size;
+        let mut bytes = self.take_memory();
         let mut copy = |source: &[u8]| {
-            bytes.clear();
             bytes.extend_from_slice(source);
             std::mem::take(&mut bytes)
         };
@@ -103,6 +109,13 @@ impl Frame {
             Pixels::Yuv420(source) => Pixels::Yuv420(copy(source)),
             Pixels::Nv12(source) => Pixels::Nv12(copy(source)),
         };
+    }
+
+    /// Becomes this YUV420 picture; memory that is large enough is used again. Bytes that do not fill it make it empty.
+    pub fn fill_yuv420(&mut self, size: ImageSize, source: &[u8]) {
+        let mut bytes = self.take_memory();
+        bytes.extend_from_slice(source);
+        *self = Self::new(size, Pixels::Yuv420(bytes)).unwrap_or_else(|_| Self::empty());
     }
 
     /// For pixels that were made to fill `size`.

@@ -25,6 +25,7 @@ pub mod paper;
 pub mod picture_report;
 pub mod replay;
 pub mod rig;
+pub mod run;
 pub mod service;
 pub mod study;
 pub mod twin;
@@ -60,6 +61,7 @@ enum Command {
     Extract(extract::Extract),
     Replay(replay::Replay),
     Rig(rig::RigArguments),
+    Run(run::Run),
     EvaluateScenes(evaluate_scenes::EvaluateScenes),
     #[command(name = "evaluate-twin")]
     Campaign(campaign::Campaign),
@@ -87,6 +89,7 @@ impl CommandLine {
             Command::Extract(extract) => extract.run(),
             Command::Replay(replay) => replay.run(),
             Command::Rig(rig) => rig.run(),
+            Command::Run(run) => run.run(),
             Command::EvaluateScenes(evaluate) => evaluate.run(),
             Command::Campaign(campaign) => campaign.run(),
             Command::Paper(paper) => paper.run(),

@@ -22,12 +22,15 @@
 //! }
 //! ```
 
+pub mod board;
 mod emulated;
 mod emulator;
 mod in_process;
 mod plant;
 mod session;
 mod simulated_light;
+#[cfg(target_os = "linux")]
+pub mod spi_bus;
 
 pub use emulated::Emulated;
 pub use emulator::emulator_firmware;

@@ -34,9 +34,14 @@ impl Mailbox {
     /// A mailbox whose three buffers begin as defaults.
     #[must_use]
     pub fn pair<T: Default>() -> (Writer<T>, Reader<T>) {
-        let slot = Mutex::new(Slot { value: T::default(), fresh: false, closed: false });
+        Self::pair_of(T::default)
+    }
+
+    /// As [`Self::pair`], with buffers that begin as `empty` makes them.
+    pub fn pair_of<T>(empty: impl Fn() -> T) -> (Writer<T>, Reader<T>) {
+        let slot = Mutex::new(Slot { value: empty(), fresh: false, closed: false });
         let shared = Arc::new(Shared { slot, filled: Condvar::new() });
-        (Writer { shared: Arc::clone(&shared), back: T::default() }, Reader { shared, front: T::default() })
+        (Writer { shared: Arc::clone(&shared), back: empty() }, Reader { shared, front: empty() })
     }
 }
 

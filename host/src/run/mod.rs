@@ -8,12 +8,18 @@
 //!
 //! The two meet in [`mailbox::Mailbox`] only, whose writer never waits: a detector that takes ten seconds delays nothing.
 
+<<<<<<< HEAD
 pub mod detector_eye;
+=======
+pub mod controller;
+>>>>>>> 819d62a (The board over SPI, sources of pictures, nearfield run)
 pub mod latency;
 pub mod mailbox;
 pub mod semantics;
+pub mod source;
 pub mod stripe_path;
 
+pub use controller::Controller;
 pub use latency::Latency;
 pub use mailbox::Mailbox;
 pub use semantics::{Eye, Semantics};

@@ -8,11 +8,12 @@ use nearfield_shared::rig::Rig;
 use nearfield_shared::run_over::{Claims, NO_CLAIMS};
 use nearfield_shared::units::Micros;
 
+use super::controller::{Controller, ControllerError};
 use super::latency::Latency;
 use super::semantics::Semantics;
 use crate::capture::{Frame, FrameView};
 use crate::line_scan::LineScanEncoder;
-use crate::link::{FrameFacts, LinkError, McuSession};
+use crate::link::FrameFacts;
 use crate::vision::{Analyser, ForeignFrame};
 
 /// Why a picture could not be used. The controller then gets nothing, and stops by itself.
@@ -23,7 +24,7 @@ pub enum StripeError {
     Foreign(#[from] ForeignFrame),
     /// The controller.
     #[error(transparent)]
-    Link(#[from] LinkError),
+    Controller(#[from] ControllerError),
 }
 
 /// What became of one picture.
@@ -41,11 +42,11 @@ pub struct Step {
 const LONGEST_ANSWER_AGE: Micros = Micros::from_millis(500);
 
 /// See the module's documentation.
-pub struct StripePath {
+pub struct StripePath<C> {
     rig: Rig,
     analyser: Analyser,
     encoder: LineScanEncoder,
-    session: McuSession,
+    controller: C,
     semantics: Option<Semantics>,
     tracker: Tracker,
     /// What the last line-scan told the controller.
@@ -54,21 +55,21 @@ pub struct StripePath {
     latency: Latency,
 }
 
-impl StripePath {
+impl<C: Controller> StripePath<C> {
     /// With a controller that is powered up, and with tier 3 or without.
     ///
     /// # Errors
     /// The rig's picture does not resolve the stripe.
     pub fn new(
         rig: &Rig,
-        session: McuSession,
+        controller: C,
         semantics: Option<Semantics>,
     ) -> Result<Self, nearfield_shared::columns::GeometryError> {
         Ok(Self {
             rig: *rig,
             analyser: Analyser::new(rig)?,
             encoder: LineScanEncoder::new(rig)?,
-            session,
+            controller,
             semantics,
             tracker: Tracker::new(*rig),
             facts: FrameFacts::default(),
@@ -76,9 +77,9 @@ impl StripePath {
         })
     }
 
-    /// The controller's session.
-    pub const fn session(&mut self) -> &mut McuSession {
-        &mut self.session
+    /// The controller.
+    pub const fn controller(&mut self) -> &mut C {
+        &mut self.controller
     }
 
     /// What the last line-scan claimed.
@@ -120,7 +121,7 @@ impl StripePath {
         let begun = Instant::now();
         let view = frame.view();
         self.analyser.update(&view)?;
-        let age = self.session.now().since(exposed);
+        let age = self.controller.now().since(exposed);
         let mut facts = FrameFacts { capture_age: age, ..FrameFacts::default() };
         self.tracker.move_on(motion);
         let advice = self.fuse();
@@ -130,7 +131,7 @@ impl StripePath {
             None => HostVerdict::Clear,
         };
         facts.claims = match &advice {
-            Some(_) => claims::claims(self.rig.stripe(), self.tracker.tracks(), self.session.now()),
+            Some(_) => claims::claims(self.rig.stripe(), self.tracker.tracks(), self.controller.now()),
             None => NO_CLAIMS,
         };
         self.send(&view, facts)?;
@@ -143,16 +144,17 @@ impl StripePath {
                 picture.exposed = exposed;
             });
         }
-        let relay_closed = self.session.relay_closed();
+        let relay_closed = self.controller.is_circuit_closed();
         Ok(Step { advice, verdict: facts.verdict, relay_closed })
     }
 
-    fn send(&mut self, view: &FrameView<'_>, facts: FrameFacts) -> Result<(), LinkError> {
+    fn send(&mut self, view: &FrameView<'_>, facts: FrameFacts) -> Result<(), ControllerError> {
         let extractor = self.analyser.extractor();
         self.encoder.encode(extractor.readings(), extractor.geometry());
-        self.encoder.measure_light(view, self.session.challenge());
+        let challenge = self.controller.challenge();
+        self.encoder.measure_light(view, &challenge);
         let (columns, light) = (self.encoder.columns(), self.encoder.light());
-        self.session.run_lit_columns(columns, light, facts)
+        self.controller.send(columns, light, facts)
     }
 
     /// The advice with what tier 3 has last said; `None` without tier 3.
@@ -162,7 +164,7 @@ impl StripePath {
             let known = answer.sightings.as_deref().map_or(Answer::Unknown, Answer::Seen);
             self.tracker.observe(answer.exposed, &known);
         }
-        let now = self.session.now();
+        let now = self.controller.now();
         let answered =
             self.tracker.last_answer().is_some_and(|exposed| now.since(exposed) <= LONGEST_ANSWER_AGE);
         let obstructions: Vec<Obstruction> = self

@@ -1,0 +1,244 @@
+//! Where pictures come from: the twin, a folder again and again, or a program that writes YUV420 into a pipe.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::{Context as _, bail};
+use nearfield_configuration::Camera;
+use nearfield_shared::rig::{ImageSize, Rig};
+
+use super::mailbox::{Fetched, Mailbox, Reader};
+use crate::capture::{Frame, Pixels, is_picture_name, read_frame};
+use crate::twin::{Picture, Scene, Twin, View};
+
+/// Delivers pictures.
+pub trait Source: Send {
+    /// The next picture; `drive` is the laser's mean drive over its exposure, 0 to 1, which only the twin needs.
+    /// `None` = no picture came in time.
+    ///
+    /// # Errors
+    /// The source is broken; it may be opened again.
+    fn next(&mut self, drive: f32) -> anyhow::Result<Option<&Frame>>;
+}
+
+/// Made-up pictures, lit by the laser as the controller drives it.
+pub struct TwinSource {
+    twin: Twin,
+    picture: Picture,
+    number: u64,
+    frame: Frame,
+}
+
+impl TwinSource {
+    /// Of this scene before this rig.
+    ///
+    /// # Errors
+    /// The scene cannot be used.
+    pub fn new(rig: &Rig, scene: &Scene, seed: u64) -> anyhow::Result<Self> {
+        let twin = Twin::new(Arc::new(View::new(rig)), scene, seed)?;
+        Ok(Self { twin, picture: Picture::black(0, 0), number: 0, frame: Frame::empty() })
+    }
+}
+
+impl Source for TwinSource {
+    fn next(&mut self, drive: f32) -> anyhow::Result<Option<&Frame>> {
+        self.twin.render_into(self.number, drive, &mut self.picture);
+        self.number += 1;
+        self.frame = self.picture.to_yuv420_frame()?;
+        Ok(Some(&self.frame))
+    }
+}
+
+/// The pictures of a folder, in the order of their names, again and again.
+pub struct FolderSource {
+    pictures: Vec<PathBuf>,
+    size: ImageSize,
+    next: usize,
+    frame: Frame,
+}
+
+impl FolderSource {
+    /// All pictures in it.
+    ///
+    /// # Errors
+    /// The folder cannot be read or holds no picture.
+    pub fn new(folder: &Path, size: ImageSize) -> anyhow::Result<Self> {
+        let failed = || format!("{}: cannot read the folder", folder.display());
+        let mut pictures = Vec::new();
+        for entry in std::fs::read_dir(folder).with_context(failed)? {
+            let path = entry.with_context(failed)?.path();
+            if path.is_file() && is_picture_name(&path) {
+                pictures.push(path);
+            }
+        }
+        pictures.sort();
+        if pictures.is_empty() {
+            bail!("{}: no pictures in it (PNG, JPEG, .yuv or .nv12)", folder.display());
+        }
+        Ok(Self { pictures, size, next: 0, frame: Frame::empty() })
+    }
+}
+
+impl Source for FolderSource {
+    fn next(&mut self, _drive: f32) -> anyhow::Result<Option<&Frame>> {
+        let path = &self.pictures[self.next % self.pictures.len()];
+        self.next += 1;
+        self.frame = read_frame(path, self.size)?;
+        Ok(Some(&self.frame))
+    }
+}
+
+/// A program that writes YUV420 pictures into its standard output, read by a thread: the newest picture wins.
+pub struct PipeSource {
+    child: Child,
+    pictures: Reader<Frame>,
+    longest: Duration,
+}
+
+impl PipeSource {
+    /// `rpicam-vid` with everything fixed: exposure, gain, white balance, focus. **Built, not run on hardware.**
+    ///
+    /// # Errors
+    /// It cannot be started.
+    pub fn rpicam_vid(camera: &Camera) -> anyhow::Result<Self> {
+        let mut command = Command::new("rpicam-vid");
+        command.args(rpicam_arguments(camera));
+        Self::start(command, camera).context(
+            "cannot start rpicam-vid; `sudo apt install rpicam-apps-lite` installs it on a Raspberry Pi",
+        )
+    }
+
+    /// Any program.
+    ///
+    /// # Errors
+    /// It cannot be started.
+    pub fn start(mut command: Command, camera: &Camera) -> anyhow::Result<Self> {
+        let (width, height) = (u16::try_from(camera.width)?, u16::try_from(camera.height)?);
+        let size = ImageSize { width, height };
+        let length = usize::from(width) * usize::from(height) * 3 / 2;
+        // The layout is checked once, here; every later picture has it.
+        Frame::new(size, Pixels::Yuv420(vec![0; length]))?;
+        let mut child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn()?;
+        let stdout = child.stdout.take().context("the program has no standard output")?;
+        let (writer, pictures) = Mailbox::pair_of(Frame::empty);
+        std::thread::Builder::new()
+            .name("capture".to_owned())
+            .spawn(move || read_pictures(stdout, size, writer))?;
+        let longest = Duration::from_secs_f64(3.0 / camera.frames_per_second);
+        Ok(Self { child, pictures, longest })
+    }
+}
+
+/// Until the pipe ends: the writer's end then closes the mailbox.
+fn read_pictures(mut pipe: ChildStdout, size: ImageSize, mut writer: super::mailbox::Writer<Frame>) {
+    let length = usize::from(size.width) * usize::from(size.height) * 3 / 2;
+    let mut bytes = vec![0; length];
+    while pipe.read_exact(&mut bytes).is_ok() {
+        writer.offer(|frame| frame.fill_yuv420(size, &bytes));
+    }
+}
+
+impl Source for PipeSource {
+    fn next(&mut self, _drive: f32) -> anyhow::Result<Option<&Frame>> {
+        match self.pictures.wait(self.longest) {
+            Fetched::New(frame) => Ok(Some(frame)),
+            Fetched::Nothing => Ok(None),
+            Fetched::Closed => bail!("the camera's program has ended"),
+        }
+    }
+}
+
+impl Drop for PipeSource {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Fixed exposure, gain, white balance and focus; no preview, no end, YUV420 to standard output.
+fn rpicam_arguments(camera: &Camera) -> Vec<String> {
+    let exposure = camera.exposure_us.to_string();
+    let pairs = [
+        ("--codec", "yuv420".to_owned()),
+        ("--output", "-".to_owned()),
+        ("--timeout", "0".to_owned()),
+        ("--width", camera.width.to_string()),
+        ("--height", camera.height.to_string()),
+        ("--framerate", camera.frames_per_second.to_string()),
+        ("--shutter", exposure),
+        ("--gain", camera.gain.to_string()),
+        ("--awbgains", "1.5,1.5".to_owned()),
+        ("--autofocus-mode", "manual".to_owned()),
+        ("--lens-position", camera.focus.to_string()),
+        ("--denoise", "off".to_owned()),
+    ];
+    let mut arguments: Vec<String> =
+        pairs.into_iter().flat_map(|(name, value)| [name.to_owned(), value]).collect();
+    arguments.extend(["--nopreview".to_owned(), "--flush".to_owned()]);
+    arguments
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nearfield_configuration::Configuration;
+
+    fn camera(text: &str) -> Camera {
+        Configuration::read(&format!("[camera]\n{text}"), Path::new("x.toml")).unwrap().camera
+    }
+
+    #[test]
+    fn a_pipe_delivers_whole_pictures_and_its_end_is_told() {
+        let camera = camera("width = 64\nheight = 64\nframes_per_second = 5");
+        let mut command = Command::new("sh");
+        command.args(["-c", "head -c 6144 /dev/zero; sleep 0.3; head -c 6144 /dev/zero | tr '\\0' '\\7'; head -c 100 /dev/zero"]);
+        let mut source = PipeSource::start(command, &camera).unwrap();
+        let mut seen = Vec::new();
+        let ended = loop {
+            match source.next(1.0) {
+                Ok(Some(frame)) => seen.push(frame.clone()),
+                Ok(None) => {}
+                Err(error) => break error,
+            }
+        };
+        assert_eq!(ended.to_string(), "the camera's program has ended");
+        let size = ImageSize { width: 64, height: 64 };
+        let expected = Frame::new(size, Pixels::Yuv420(vec![7; 6144])).unwrap();
+        assert_eq!(seen.last(), Some(&expected), "the last whole picture, not the piece after it");
+    }
+
+    #[test]
+    fn a_program_that_is_not_there_is_named_with_what_to_do() {
+        if Command::new("rpicam-vid").arg("--version").output().is_ok() {
+            return;
+        }
+        let error = PipeSource::rpicam_vid(&camera("source = \"rpicam-vid\"")).err().unwrap();
+        assert!(format!("{error:#}").contains("rpicam-apps"), "{error:#}");
+    }
+
+    #[test]
+    fn everything_that_could_regulate_the_code_away_is_fixed() {
+        let arguments = rpicam_arguments(&camera("exposure_us = 3000\ngain = 4.0\nfocus_dioptres = 2.5"));
+        for pair in [
+            ["--shutter", "3000"],
+            ["--gain", "4"],
+            ["--lens-position", "2.5"],
+            ["--autofocus-mode", "manual"],
+        ] {
+            assert!(arguments.windows(2).any(|two| two == pair), "{pair:?}: {arguments:?}");
+        }
+    }
+
+    #[test]
+    fn a_folder_without_pictures_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let size = ImageSize { width: 64, height: 64 };
+        let error = FolderSource::new(folder.path(), size).err().unwrap();
+        assert!(error.to_string().contains("no pictures in it"), "{error}");
+        assert!(FolderSource::new(Path::new("/no/such"), size).is_err());
+    }
+}
