@@ -7,7 +7,11 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
 use clap::Args;
-use nearfield_configuration::{Configuration, LinkKind, Source as SourceKind};
+use nearfield_configuration::{Configuration, LinkKind, Profile, Source as SourceKind};
+use nearfield_detection::model::{Backend, Choice};
+use nearfield_detection::network::Settings;
+use nearfield_detection::tiles::Tiling;
+use nearfield_detection::watch::Watched;
 use nearfield_fusion::Motion;
 use nearfield_shared::causes::StopCauses;
 use nearfield_shared::rig::{ImageSize, Rig};
@@ -20,15 +24,16 @@ use crate::link::board::{Board, BoardError};
 use crate::link::{FrameFacts, McuSession};
 use crate::rig_file;
 use crate::run::controller::ControllerError;
+use crate::run::detector_eye::DetectorEye;
 use crate::run::source::{FolderSource, PipeSource, Source, TwinSource};
 use crate::run::stripe_path::StripeError;
-use crate::run::{Controller, StripePath};
+use crate::run::{Controller, Semantics, StripePath};
 
 /// Run: pictures in, line-scans out, the controller's verdict told whenever it changes.
 ///
 /// The source and the controller are the configuration's. Simulated controllers run on a virtual clock, a frame period a
 /// picture, and are armed by themselves (nobody presses their button); the board runs on its own. SIGINT and SIGTERM end it
-/// cleanly. What this version leaves out: recording, the operator's page, tier 3's network.
+/// cleanly. With profile "semantics" the detector runs beside it. What this version leaves out: recording and the operator's page.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -123,7 +128,7 @@ impl Run {
         let mut session = choice.start(rig)?;
         let period = 1e6 / configuration.camera.frames_per_second;
         session.set_frame_period(Micros::new(period.round() as u64));
-        let path = StripePath::new(rig, session, None)?;
+        let path = StripePath::new(rig, session, semantics(configuration)?)?;
         let mut runner = Runner::new(self, configuration, rig, path)?;
         runner.pace = (!self.fast).then(|| Duration::from_secs_f64(period / 1e6));
         runner.go(stop, |path, exposed, exposure| {
@@ -142,7 +147,7 @@ impl Run {
         let open = move || SpiBus::open(&link.device, link.hertz, &link.chip, link.ready_line);
         let source = SourceId::new(configuration.module.source);
         let board = Board::new(Box::new(open), source, rig.calibration_id());
-        let path = StripePath::new(rig, board, None)?;
+        let path = StripePath::new(rig, board, semantics(configuration)?)?;
         // The laser is the board's own; the camera sees it.
         Runner::new(self, configuration, rig, path)?.go(stop, |_, _, _| 1.0)
     }
@@ -151,6 +156,26 @@ impl Run {
     fn on_board(&self, _: &Configuration, _: &Rig, _: &AtomicBool) -> anyhow::Result<u8> {
         bail!("the SPI link needs Linux; choose link.kind = \"in-process\" or \"emulated\"")
     }
+}
+
+/// Tier 3 in its own thread, if the profile asks for it.
+fn semantics(configuration: &Configuration) -> anyhow::Result<Option<Semantics>> {
+    if configuration.profile != Profile::Semantics {
+        return Ok(None);
+    }
+    let chosen = &configuration.detector;
+    let backend = match chosen.backend.as_str() {
+        "rten" => Backend::Rten,
+        "ort" => Backend::Ort,
+        "hailo" => Backend::Hailo,
+        other => bail!("detector.backend = \"{other}\" replays files and cannot look at live pictures"),
+    };
+    let settings = Settings { tiling: Tiling::Windows(5), least_score: None };
+    let choice = Choice { model: chosen.model.clone(), backend, settings, threads: 1 };
+    let deadline = Duration::from_millis(chosen.deadline_ms.into());
+    let watched = Watched::new(choice.load()?, deadline).context("cannot start the detector's thread")?;
+    let semantics = Semantics::start(DetectorEye::new(watched)).context("cannot start tier 3's thread")?;
+    Ok(Some(semantics))
 }
 
 fn open(configuration: &Configuration, rig: &Rig) -> anyhow::Result<Box<dyn Source>> {

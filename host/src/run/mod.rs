@@ -8,11 +8,8 @@
 //!
 //! The two meet in [`mailbox::Mailbox`] only, whose writer never waits: a detector that takes ten seconds delays nothing.
 
-<<<<<<< HEAD
-pub mod detector_eye;
-=======
 pub mod controller;
->>>>>>> 819d62a (The board over SPI, sources of pictures, nearfield run)
+pub mod detector_eye;
 pub mod latency;
 pub mod mailbox;
 pub mod semantics;
