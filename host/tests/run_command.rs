@@ -2,7 +2,8 @@
 #![allow(clippy::unwrap_used)]
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 fn nearfield(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_nearfield")).args(arguments).output().unwrap()
@@ -25,7 +26,8 @@ fn file(folder: &Path) -> String {
     folder.join("nearfield.toml").display().to_string()
 }
 
-const SMALL: &str = "[camera]\nwidth = 576\nheight = 324\n";
+/// Small pictures, and a page on a port that nobody else has.
+const SMALL: &str = "[page]\nlisten = \"127.0.0.1:0\"\n[camera]\nwidth = 576\nheight = 324\n";
 
 #[test]
 fn over_clean_floor_the_robot_is_let_go_and_the_end_is_summed_up() {
@@ -79,4 +81,166 @@ fn the_printed_configuration_is_sound() {
     assert!(report["permitted_speed_mm_s"].as_f64().unwrap() > 0.0);
     let near = nearfield(&["budget", "--distance", "100"]);
     assert_eq!(near.status.code(), Some(1), "too near for 1 m/s");
+}
+
+/// Starts a run that records, without waiting for its end.
+fn start(folder: &Path, arguments: &[&str]) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_nearfield"))
+        .args(["run", "--config", &file(folder), "--record", &recordings(folder)])
+        .args(arguments)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap()
+}
+
+fn recordings(folder: &Path) -> String {
+    folder.join("recordings").display().to_string()
+}
+
+/// The JSON lines of `nearfield replay`, and its exit code.
+fn replayed(path: &str) -> (Option<i32>, Vec<serde_json::Value>) {
+    let output = nearfield(&["replay", path, "--json"]);
+    let lines = text(&output.stdout);
+    let lines = lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    (output.status.code(), lines)
+}
+
+/// Waits until the recorder has written so much; a loaded machine needs its time.
+fn wait_for_bytes(folder: &Path, bytes: u64) {
+    let begun = Instant::now();
+    let written = || -> u64 {
+        let Ok(entries) = std::fs::read_dir(folder.join("recordings")) else { return 0 };
+        entries.filter_map(|entry| Some(entry.ok()?.metadata().ok()?.len())).sum()
+    };
+    while written() < bytes {
+        assert!(begun.elapsed() < Duration::from_secs(300), "nothing is recorded");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn a_recorded_run_is_decided_again_bit_for_bit_with_its_stop() {
+    let folder = robot(&format!("{SMALL}input = \"box_45\"\n"));
+    let run =
+        nearfield(&["run", "--config", &file(folder.path()), "--seconds", "2", "--record", &recordings(folder.path())]);
+    assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
+    let (code, lines) = replayed(&recordings(folder.path()));
+    assert_eq!(code, Some(0), "{lines:?}");
+    let told = &lines[0];
+    assert_eq!((&told["same"], &told["cut_off"], &told["unasked"]), (&true.into(), &0.into(), &0.into()));
+    // 100 exchanges, 400 ticks, and the first exchange and power-up.
+    assert!(told["replies"].as_u64().unwrap() >= 500, "{told}");
+    assert!(told["statuses"].as_u64().unwrap() >= 90, "{told}");
+}
+
+#[test]
+fn a_recording_that_was_tampered_with_is_not_the_same() {
+    let folder = robot(SMALL);
+    let arguments = ["run", "--config", &file(folder.path()), "--seconds", "1", "--no-page"];
+    nearfield(&[&arguments[..], &["--record", &recordings(folder.path())]].concat());
+    let entry = std::fs::read_dir(folder.path().join("recordings")).unwrap().next().unwrap().unwrap().path();
+    let recording = nearfield_recording::Recording::open(&entry).unwrap();
+    let same = nearfield_host::run::redecide::redecide([&recording]).unwrap();
+    assert!(same.is_same() && same.replies > 200, "{same:?}");
+    // One bit of one line-scan, told as it would have been had the host sent it so: found twice.
+    let changed = nearfield_recording::Recording::of(
+        recording.records().iter().map(|(time, record)| (*time, record.clone())).map(|(time, record)| {
+            match record {
+                nearfield_recording::reader::Record::LineScan(mut bytes) if bytes[12] == 40 => {
+                    bytes[2000] ^= 1;
+                    (time, nearfield_recording::reader::Record::LineScan(bytes))
+                }
+                record => (time, record),
+            }
+        }),
+    );
+    let different = nearfield_host::run::redecide::redecide([&changed]).unwrap();
+    assert!(different.different_replies > 0, "{different:?}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_termination_signal_ends_the_run_and_its_recording_cleanly() {
+    let folder = robot(SMALL);
+    let mut child = start(folder.path(), &[]);
+    wait_for_bytes(folder.path(), 100_000);
+    let id = child.id().to_string();
+    assert!(Command::new("kill").args(["-TERM", &id]).status().unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    let (code, lines) = replayed(&recordings(folder.path()));
+    assert_eq!((code, &lines[0]["cut_off"]), (Some(0), &0.into()), "{lines:?}");
+}
+
+/// A run killed at a random moment, `kills` times into the same folder.
+fn killed(kills: u32, seed: u64) {
+    println!("seed {seed}");
+    let folder = robot(SMALL);
+    let mut state = seed;
+    for kill in 0..kills {
+        let mut child = start(folder.path(), &["--no-page"]);
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        // From before the first chunk is out to some chunks later.
+        let wait = Duration::from_millis((state >> 33) % 3000);
+        std::thread::sleep(wait);
+        child.kill().unwrap();
+        child.wait().unwrap();
+        // Cut off as it is, and with all earlier ones, which the next start has completed.
+        let entries = std::fs::read_dir(folder.path().join("recordings"));
+        let some = entries.is_ok_and(|entries| entries.count() > 0);
+        if !some {
+            continue;
+        }
+        let (code, lines) = replayed(&recordings(folder.path()));
+        let told: Vec<_> = lines.iter().filter(|line| line["same"] != true && line["replies"] != 0).collect();
+        assert!(told.is_empty(), "kill {kill} after {wait:?} (exit code {code:?}): {told:?}");
+        assert!(lines.iter().filter(|line| line["cut_off"] != 0).count() <= 1, "earlier ones were completed");
+    }
+    let (_, lines) = replayed(&recordings(folder.path()));
+    let decided = lines.iter().filter(|line| line["replies"].as_u64().unwrap() > 0).count();
+    assert!(decided > 0, "all were killed too early: {lines:?}");
+    println!("{decided} of {kills} runs had decisions recorded; all are the same");
+}
+
+#[test]
+fn recordings_survive_being_killed() {
+    killed(4, 20);
+}
+
+/// `cargo test -p nearfield-host --test run_command -- --ignored two_hundred --nocapture`
+#[test]
+#[ignore = "ten minutes"]
+fn recordings_survive_being_killed_two_hundred_times() {
+    killed(200, 6);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_source_that_dies_is_opened_again_and_the_controller_stops_meanwhile() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let folder = robot("");
+    let script = folder.path().join("camera");
+    // Twenty black pictures, then it dies.
+    std::fs::write(&script, "#!/bin/sh\nfor i in 1 2 3 4 5 6 7 8 9 10; do head -c 279936 /dev/zero; sleep 0.02; done\n").unwrap();
+    std::fs::set_permissions(&script, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let configuration = format!("{SMALL}source = \"command\"\ninput = \"{}\"\n", script.display());
+    std::fs::write(folder.path().join("nearfield.toml"), configuration).unwrap();
+    let output = nearfield(&["run", "--config", &file(folder.path()), "--seconds", "4", "--json", "--no-page"]);
+    let (lines, warnings) = (text(&output.stdout), text(&output.stderr));
+    assert_eq!(output.status.code(), Some(0), "{warnings}");
+    let sum: serde_json::Value = serde_json::from_str(lines.lines().last().unwrap()).unwrap();
+    assert!(sum["restarts"].as_u64().unwrap() >= 2, "{sum}");
+    assert!(sum["missing"].as_u64().unwrap() >= 10, "nothing is sent a second time: {sum}");
+    assert!(warnings.contains("the camera's program has ended"), "{warnings}");
+    assert!(lines.contains("link_timeout"), "the controller hears nothing meanwhile: {lines}");
+}
+
+#[test]
+fn the_doctor_looks_at_this_computer() {
+    let output = nearfield(&["doctor", "--json"]);
+    let rows: Vec<serde_json::Value> = serde_json::from_slice(&output.stdout).unwrap();
+    let sound = rows.iter().all(|row| row["verdict"] == "sound" || row["verdict"] == "warning");
+    assert_eq!(output.status.code(), Some(i32::from(!sound)));
+    assert!(rows.iter().all(|row| !row["name"].as_str().unwrap().is_empty()));
 }

@@ -279,7 +279,7 @@ mod tests {
     fn a_replay_needs_its_input_and_paths_are_relative_to_the_file() {
         assert_eq!(
             problems("[camera]\nsource = \"replay\""),
-            ["camera.input: is missing; name the folder or the recording to replay"]
+            ["camera.input: is missing; name the folder of pictures to replay"]
         );
         let missing = Configuration::load(Path::new("no/such.toml")).unwrap_err().to_string();
         assert!(missing.starts_with("no/such.toml: cannot read the configuration"), "{missing}");

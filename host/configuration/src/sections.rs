@@ -19,10 +19,12 @@ pub struct Module {
 pub enum Source {
     /// The built-in renderer.
     Twin,
-    /// A folder of pictures or a recording, again and again.
+    /// A folder of pictures, again and again.
     Replay,
     /// `rpicam-vid` writes YUV420 into a pipe.
     RpicamVid,
+    /// Any other program that does so: `input`, split at blanks.
+    Command,
     /// libcamera itself (needs the feature `libcamera`).
     Libcamera,
 }
@@ -32,7 +34,7 @@ pub enum Source {
 pub struct Camera {
     /// Where they come from.
     pub source: Source,
-    /// What the source reads: a folder or a recording (replay), a scene (twin).
+    /// What the source reads: a folder (replay), a scene (twin), a program (command).
     pub input: Option<String>,
     /// Columns.
     pub width: u32,
@@ -158,7 +160,7 @@ pub struct Recording {
 pub struct Page {
     /// Where it listens; loopback unless somebody says otherwise.
     pub listen: SocketAddr,
-    /// File with the token that allows commissioning; `None` = read-only for everybody.
+    /// File with the token that allows remarks; `None` = read-only for everybody.
     pub token_file: Option<PathBuf>,
 }
 
@@ -211,6 +213,7 @@ pub(crate) fn camera(section: &Section<'_>) -> Camera {
             ("twin", Source::Twin),
             ("replay", Source::Replay),
             ("rpicam-vid", Source::RpicamVid),
+            ("command", Source::Command),
             ("libcamera", Source::Libcamera),
         ],
     );
@@ -227,7 +230,10 @@ pub(crate) fn camera(section: &Section<'_>) -> Camera {
         focus: section.number("focus_dioptres", 2.0, 0.0..=15.0, "dioptres"),
     };
     if camera.source == Source::Replay && camera.input.is_none() {
-        section.object("input", "is missing; name the folder or the recording to replay");
+        section.object("input", "is missing; name the folder of pictures to replay");
+    }
+    if camera.source == Source::Command && camera.input.as_deref().is_none_or(|input| input.trim().is_empty()) {
+        section.object("input", "is missing; name the program that writes YUV420 pictures, with its arguments");
     }
     let period_us = 1e6 / camera.frames_per_second;
     if f64::from(camera.exposure_us) > period_us {

@@ -9,7 +9,7 @@ use nearfield_shared::rig::Rig;
 use nearfield_shared::units::{Micros, SignalQuality, SubpixelRow};
 use serde::Serialize;
 
-use crate::link::{Emulated, FrameFacts, InProcess, LinkError, McuSession};
+use crate::link::{Emulated, FrameFacts, InProcess, LinkError, McuLink, McuSession};
 
 /// Which safety controller to ask.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
@@ -22,15 +22,23 @@ pub enum McuChoice {
 }
 
 impl McuChoice {
+    /// Such a controller, without power.
+    ///
+    /// # Errors
+    /// It cannot be started.
+    pub fn link(self) -> Result<Box<dyn McuLink>, LinkError> {
+        Ok(match self {
+            Self::InProcess => Box::new(InProcess::new()),
+            Self::Emulated => Box::new(Emulated::new()?),
+        })
+    }
+
     /// Powers up such a controller that has this rig stored.
     ///
     /// # Errors
     /// The controller cannot be started.
     pub fn start(self, rig: &Rig) -> Result<McuSession, LinkError> {
-        match self {
-            Self::InProcess => McuSession::start(Box::new(InProcess::new()), rig),
-            Self::Emulated => McuSession::start(Box::new(Emulated::new()?), rig),
-        }
+        McuSession::start(self.link()?, rig)
     }
 }
 

@@ -17,6 +17,7 @@ pub mod capability;
 pub mod config;
 pub mod dataset;
 pub mod demo;
+pub mod doctor;
 pub mod evaluate_scenes;
 pub mod extract;
 pub mod inspect;
@@ -56,6 +57,7 @@ enum Command {
     Dataset(dataset::Dataset),
     Demo(demo::Demo),
     Detect(detect::Detect),
+    Doctor(doctor::Doctor),
     Evaluate(evaluate::Evaluate),
     Inspect(inspect::Inspect),
     Extract(extract::Extract),
@@ -84,6 +86,7 @@ impl CommandLine {
             Command::Dataset(dataset) => dataset.run(),
             Command::Demo(demo) => demo.run(),
             Command::Detect(detect) => detect.run(),
+            Command::Doctor(doctor) => doctor.run(),
             Command::Evaluate(evaluate) => evaluate.run(),
             Command::Inspect(inspect) => inspect.run(),
             Command::Extract(extract) => extract.run(),

@@ -1,4 +1,6 @@
-//! `nearfield replay`: a recorded sequence of frames through host and safety controller.
+//! `nearfield replay`: a sequence of pictures through host and safety controller, or a recording's decisions again.
+
+pub mod recorded;
 
 use std::path::{Path, PathBuf};
 
@@ -16,16 +18,19 @@ use crate::link::{FrameFacts, McuSession};
 use crate::rig_file;
 use crate::vision::Analyser;
 
-/// Play the pictures of a directory, in the order of their names, through host and safety controller.
+/// Play pictures, or a recording of `nearfield run`, through the safety controller again.
 ///
-/// The reset is pressed once at the start: the first usable picture stands still until the controller has come up, tested
+/// A recording (a file of `nearfield run --record`, or the folder of them): the controller is asked everything again and must
+/// answer the same, bit for bit; exit code 1 if it does not. The rig is in the recording.
+///
+/// A folder of pictures, in the order of their names, with --rig: the reset is pressed once at the start: the first usable picture stands still until the controller has come up, tested
 /// itself and closed its relays (or would long have), then time begins. A picture that cannot be used is a lost
 /// frame, which is reported, and the exit code is 2.
 #[derive(Debug, Args)]
 pub struct Replay {
-    /// The rig that took the pictures.
+    /// The rig that took the pictures; recordings carry theirs.
     #[arg(long, value_name = "RIG.toml")]
-    rig: PathBuf,
+    rig: Option<PathBuf>,
     /// Frames per second.
     #[arg(long, default_value_t = 50.0)]
     fps: f64,
@@ -35,8 +40,8 @@ pub struct Replay {
     /// One JSON object a frame on standard output.
     #[arg(long)]
     json: bool,
-    /// Directory with the pictures.
-    #[arg(value_name = "DIR")]
+    /// Folder with pictures or recordings, or one recording.
+    #[arg(value_name = "PATH")]
     directory: PathBuf,
 }
 
@@ -71,10 +76,16 @@ impl Replay {
         if !FRAME_RATES.contains(&self.fps) {
             bail!("--fps {}: must be 1 to 1000", self.fps);
         }
-        let rig = rig_file::load(&self.rig)?;
+        let Some(rig_path) = &self.rig else {
+            return match recorded::recordings_at(&self.directory)? {
+                Some(paths) => recorded::replay(&paths, self.json),
+                None => bail!("{}: no recording; pictures need --rig RIG.toml", self.directory.display()),
+            };
+        };
+        let rig = rig_file::load(rig_path)?;
         let pictures = pictures_of(&self.directory)?;
         let mut player =
-            Player::new(&rig, self.mcu, self.fps).with_context(|| self.rig.display().to_string())?;
+            Player::new(&rig, self.mcu, self.fps).with_context(|| rig_path.display().to_string())?;
         if !self.json {
             say!("frame      t ms  stripe  longest gap  highest  relay   causes");
         }

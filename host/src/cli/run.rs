@@ -1,43 +1,50 @@
 //! `nearfield run`: the host at work.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
 
 use anyhow::{Context as _, bail};
 use clap::Args;
-use nearfield_configuration::{Configuration, LinkKind, Profile, Source as SourceKind};
+use nearfield_configuration::{Camera, Configuration, LinkKind, Profile, Source as SourceKind};
 use nearfield_detection::model::{Backend, Choice};
 use nearfield_detection::network::Settings;
 use nearfield_detection::tiles::Tiling;
 use nearfield_detection::watch::Watched;
-use nearfield_fusion::Motion;
-use nearfield_shared::causes::StopCauses;
+use nearfield_machine::real_time;
+use nearfield_recording::Taps;
 use nearfield_shared::rig::{ImageSize, Rig};
+use nearfield_shared::status::StateCode;
 use nearfield_shared::units::{Micros, SourceId};
 use serde::Serialize;
 
 use super::mcu::{McuChoice, cause_names, relay_name};
 use super::twin::load_scene;
-use crate::link::board::{Board, BoardError};
-use crate::link::{FrameFacts, McuSession};
+use crate::link::McuSession;
+use crate::link::board::Board;
 use crate::rig_file;
-use crate::run::controller::ControllerError;
 use crate::run::detector_eye::DetectorEye;
+use crate::run::journal::Journal;
+use crate::run::outlets::{self, Outlets, recording_folder};
+use crate::run::runner::{Change, Pace, Runner, Said};
 use crate::run::source::{FolderSource, PipeSource, Source, TwinSource};
-use crate::run::stripe_path::StripeError;
+use crate::run::supervised::Supervised;
 use crate::run::{Controller, Semantics, StripePath};
 
 /// Run: pictures in, line-scans out, the controller's verdict told whenever it changes.
 ///
 /// The source and the controller are the configuration's. Simulated controllers run on a virtual clock, a frame period a
-/// picture, and are armed by themselves (nobody presses their button); the board runs on its own. SIGINT and SIGTERM end it
-/// cleanly. With profile "semantics" the detector runs beside it. What this version leaves out: recording and the operator's page.
+/// picture, and are armed by themselves (nobody presses their button); the board runs on its own. With profile "semantics" the
+/// detector runs beside it. Line-scans, statuses and decisions are recorded where recording.directory (or --record) says;
+/// the operator's page is at page.listen. A source that breaks is opened again; in the meantime nothing is sent. SIGINT and
+/// SIGTERM end it cleanly.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
   nearfield config print > nearfield.toml && nearfield run --config nearfield.toml --seconds 10
+  nearfield run --config nearfield.toml --record recordings     and a page at http://127.0.0.1:8033
+  nearfield replay recordings                                   the controller decides again, bit for bit
   nearfield run --config nearfield.toml --json | jq -c 'select(.relay)'")]
 pub struct Run {
     /// The configuration.
@@ -49,6 +56,12 @@ pub struct Run {
     /// Simulated controllers: as fast as this computer can, not at the frame rate.
     #[arg(long)]
     fast: bool,
+    /// Record into this folder, whatever the configuration says.
+    #[arg(long, value_name = "DIR")]
+    record: Option<PathBuf>,
+    /// Without the operator's page.
+    #[arg(long)]
+    no_page: bool,
     /// One JSON object a line.
     #[arg(long)]
     json: bool,
@@ -56,7 +69,7 @@ pub struct Run {
 
 /// A change that is told.
 #[derive(Debug, Serialize)]
-struct Change {
+struct ToldChange {
     picture: u64,
     relay: &'static str,
     causes: Vec<&'static str>,
@@ -73,6 +86,8 @@ struct Sum {
     restarts: u64,
     /// From the picture in memory to the status received, milliseconds.
     latency_ms: Quantiles,
+    /// `None` = nothing was to be recorded.
+    recording: Option<RecordingSum>,
 }
 
 #[derive(Debug, Serialize)]
@@ -83,19 +98,56 @@ struct Quantiles {
     longest: f64,
 }
 
-/// Pauses before a broken source is opened again.
-const FIRST_PAUSE: Duration = Duration::from_millis(200);
-const LONGEST_PAUSE: Duration = Duration::from_secs(10);
+#[derive(Debug, Serialize)]
+struct RecordingSum {
+    bytes: u64,
+    /// Events that did not fit into the recorder's queue.
+    dropped: u64,
+    /// Times that recording had to stop.
+    stops: u64,
+    problem: Option<String>,
+}
 
 impl Run {
     /// Runs until the end.
     ///
     /// # Errors
-    /// The configuration, the rig, the source or the controller cannot be used.
+    /// The configuration, the rig, the source, the controller or the folder of recordings cannot be used.
     pub fn run(&self) -> anyhow::Result<u8> {
         let configuration = Configuration::load(&self.config)?;
+        let text = std::fs::read_to_string(&self.config).unwrap_or_default();
         let rig = rig_file::load(&configuration.rig)?;
-        let camera = &configuration.camera;
+        self.check_sizes(&configuration.camera, &rig)?;
+        let stop = Arc::new(AtomicBool::new(false));
+        for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+            signal_hook::flag::register(signal, Arc::clone(&stop)).context("cannot watch for signals")?;
+        }
+        let source = open_source(&configuration, &rig)?;
+        let record = recording_folder(self.record.as_deref(), &configuration);
+        let about = outlets::Run {
+            configuration: &configuration,
+            text: &text,
+            rig: &rig,
+            record: record.as_deref(),
+            page: !self.no_page,
+        };
+        let (mut outlets, said) = Outlets::start(&about)?;
+        for warning in said {
+            eprintln!("warning: {warning}");
+        }
+        if let Some(address) = outlets.page_address().filter(|_| !self.json) {
+            say!("the page: http://{address}");
+        }
+        let work = Work { options: self, configuration: &configuration, rig: &rig, stop: &stop };
+        let latency_ms = match configuration.link.kind {
+            LinkKind::InProcess => work.simulated(McuChoice::InProcess, source, &mut outlets),
+            LinkKind::Emulated => work.simulated(McuChoice::Emulated, source, &mut outlets),
+            LinkKind::Spi => work.on_board(source, &mut outlets),
+        }?;
+        self.finish(outlets, latency_ms)
+    }
+
+    fn check_sizes(&self, camera: &Camera, rig: &Rig) -> anyhow::Result<()> {
         let size = rig.image();
         if (u32::from(size.width), u32::from(size.height)) != (camera.width, camera.height) {
             bail!(
@@ -107,33 +159,73 @@ impl Run {
                 size.height
             );
         }
-        let stop = Arc::new(AtomicBool::new(false));
-        for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-            signal_hook::flag::register(signal, Arc::clone(&stop)).context("cannot watch for signals")?;
-        }
-        match configuration.link.kind {
-            LinkKind::InProcess => self.simulated(&configuration, &rig, McuChoice::InProcess, &stop),
-            LinkKind::Emulated => self.simulated(&configuration, &rig, McuChoice::Emulated, &stop),
-            LinkKind::Spi => self.on_board(&configuration, &rig, &stop),
-        }
+        Ok(())
     }
 
+    fn finish(&self, outlets: Outlets, latency_ms: Quantiles) -> anyhow::Result<u8> {
+        let tally = Arc::clone(&outlets.tally);
+        let recording = outlets.finish().map(|state| RecordingSum {
+            bytes: state.written,
+            dropped: state.dropped,
+            stops: state.stops,
+            problem: state.problem,
+        });
+        let (pictures, missing) = (tally.pictures.get(), tally.missing.get());
+        let (lost, restarts) = (tally.lost.get(), tally.restarts.get());
+        let sum = Sum { pictures, missing, lost, restarts, latency_ms, recording };
+        if self.json {
+            say!("{}", serde_json::to_string(&sum)?);
+            return Ok(0);
+        }
+        let Quantiles { p50, p99, p999, longest } = sum.latency_ms;
+        say!("{pictures} pictures, {missing} missing, {lost} lost; the source was opened again {restarts} times");
+        say!("picture to status: p50 {p50:.2} ms, p99 {p99:.2} ms, p99.9 {p999:.2} ms, longest {longest:.2} ms");
+        if let Some(recording) = &sum.recording {
+            let problem = recording.problem.as_ref().map_or(String::new(), |problem| format!("; stopped: {problem}"));
+            say!("recorded {:.1} MiB, {} events lost{problem}", recording.bytes as f64 / 1048576.0, recording.dropped);
+        }
+        Ok(0)
+    }
+
+    fn say(&self, said: &Said<'_>) -> anyhow::Result<()> {
+        match said {
+            Said::Warning(warning) => eprintln!("warning: {warning}"),
+            Said::Change(Change { picture, relay_closed, causes }) => {
+                let (relay, causes) = (relay_name(*relay_closed), cause_names(*causes));
+                if self.json {
+                    let change = ToldChange { picture: *picture, relay, causes };
+                    say!("{}", serde_json::to_string(&change)?);
+                } else {
+                    say!("picture {picture:>6}  {relay:<6}  {}", causes.join(", "));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Everything that a run works with.
+struct Work<'a> {
+    options: &'a Run,
+    configuration: &'a Configuration,
+    rig: &'a Rig,
+    stop: &'a AtomicBool,
+}
+
+impl Work<'_> {
     fn simulated(
         &self,
-        configuration: &Configuration,
-        rig: &Rig,
         choice: McuChoice,
-        stop: &AtomicBool,
-    ) -> anyhow::Result<u8> {
-        let mut session = choice.start(rig)?;
-        let period = 1e6 / configuration.camera.frames_per_second;
+        source: Supervised,
+        outlets: &mut Outlets,
+    ) -> anyhow::Result<Quantiles> {
+        let taps = outlets.taps.clone();
+        let mut session = McuSession::start(Box::new(Journal::new(choice.link()?, taps)), self.rig)?;
+        let period = 1e6 / self.configuration.camera.frames_per_second;
         session.set_frame_period(Micros::new(period.round() as u64));
-        let path = StripePath::new(rig, session, semantics(configuration)?)?;
-        let mut runner = Runner::new(self, configuration, rig, path)?;
-        runner.pace = (!self.fast).then(|| Duration::from_secs_f64(period / 1e6));
-        runner.go(stop, |path, exposed, exposure| {
-            let session: &mut McuSession = path.controller();
-            if session.status().state == nearfield_shared::status::StateCode::Interlocked {
+        let pace = (!self.options.fast).then(|| Duration::from_secs_f64(period / 1e6));
+        self.go(session, source, outlets, pace, |session, exposed, exposure| {
+            if session.status().state == StateCode::Interlocked {
                 session.press_reset();
             }
             session.mean_laser_drive(exposed, exposure)
@@ -141,25 +233,46 @@ impl Run {
     }
 
     #[cfg(target_os = "linux")]
-    fn on_board(&self, configuration: &Configuration, rig: &Rig, stop: &AtomicBool) -> anyhow::Result<u8> {
+    fn on_board(&self, source: Supervised, outlets: &mut Outlets) -> anyhow::Result<Quantiles> {
         use crate::link::spi_bus::SpiBus;
-        let link = configuration.link.clone();
+        let link = self.configuration.link.clone();
         let open = move || SpiBus::open(&link.device, link.hertz, &link.chip, link.ready_line);
-        let source = SourceId::new(configuration.module.source);
-        let board = Board::new(Box::new(open), source, rig.calibration_id());
-        let path = StripePath::new(rig, board, semantics(configuration)?)?;
+        let module = SourceId::new(self.configuration.module.source);
+        let board = Board::new(Box::new(open), module, self.rig.calibration_id());
+        // Only here does time matter; and only this thread, whose work ends with the line-scan, is to be preferred.
+        for asked in real_time::ask(&self.configuration.real_time) {
+            eprintln!("{}{asked}", if asked.refused.is_some() { "warning: " } else { "" });
+        }
         // The laser is the board's own; the camera sees it.
-        Runner::new(self, configuration, rig, path)?.go(stop, |_, _, _| 1.0)
+        self.go(board, source, outlets, None, |_, _, _| 1.0)
     }
 
     #[cfg(not(target_os = "linux"))]
-    fn on_board(&self, _: &Configuration, _: &Rig, _: &AtomicBool) -> anyhow::Result<u8> {
+    fn on_board(&self, _: Supervised, _: &mut Outlets) -> anyhow::Result<Quantiles> {
         bail!("the SPI link needs Linux; choose link.kind = \"in-process\" or \"emulated\"")
+    }
+
+    fn go<C: Controller>(
+        &self,
+        controller: C,
+        source: Supervised,
+        outlets: &mut Outlets,
+        period: Option<Duration>,
+        drive: impl FnMut(&mut C, Micros, Micros) -> f32,
+    ) -> anyhow::Result<Quantiles> {
+        let semantics = semantics(self.configuration, outlets.taps.clone())?;
+        let path = StripePath::new(self.rig, controller, semantics)?;
+        let rate = self.configuration.camera.frames_per_second;
+        let pictures = self.options.seconds.map(|seconds| (seconds * rate).round() as u64);
+        let mut runner = Runner { path, source, outlets, pace: Pace { pictures, period } };
+        runner.run(self.stop, drive, |said| self.options.say(&said))?;
+        let [p50, p99, p999, longest] = runner.path.latency().summary_ms();
+        Ok(Quantiles { p50, p99, p999, longest })
     }
 }
 
 /// Tier 3 in its own thread, if the profile asks for it.
-fn semantics(configuration: &Configuration) -> anyhow::Result<Option<Semantics>> {
+fn semantics(configuration: &Configuration, taps: Taps) -> anyhow::Result<Option<Semantics>> {
     if configuration.profile != Profile::Semantics {
         return Ok(None);
     }
@@ -174,153 +287,27 @@ fn semantics(configuration: &Configuration) -> anyhow::Result<Option<Semantics>>
     let choice = Choice { model: chosen.model.clone(), backend, settings, threads: 1 };
     let deadline = Duration::from_millis(chosen.deadline_ms.into());
     let watched = Watched::new(choice.load()?, deadline).context("cannot start the detector's thread")?;
-    let semantics = Semantics::start(DetectorEye::new(watched)).context("cannot start tier 3's thread")?;
+    let semantics =
+        Semantics::start_told(DetectorEye::new(watched), taps).context("cannot start tier 3's thread")?;
     Ok(Some(semantics))
 }
 
-fn open(configuration: &Configuration, rig: &Rig) -> anyhow::Result<Box<dyn Source>> {
-    let camera = &configuration.camera;
+fn open_source(configuration: &Configuration, rig: &Rig) -> anyhow::Result<Supervised> {
+    let period = Duration::from_secs_f64(1.0 / configuration.camera.frames_per_second);
+    let (camera, rig) = (configuration.camera.clone(), *rig);
+    Supervised::open(Box::new(move || open(&camera, &rig)), period)
+}
+
+fn open(camera: &Camera, rig: &Rig) -> anyhow::Result<Box<dyn Source>> {
     let input = camera.input.as_deref();
     let size = ImageSize { width: rig.image().width, height: rig.image().height };
     Ok(match camera.source {
         SourceKind::Twin => Box::new(TwinSource::new(rig, &load_scene(input.unwrap_or("clean"), rig)?, 1)?),
-        SourceKind::Replay => Box::new(FolderSource::new(input.unwrap_or(".").as_ref(), size)?),
+        SourceKind::Replay => Box::new(FolderSource::new(Path::new(input.unwrap_or(".")), size)?),
         SourceKind::RpicamVid => Box::new(PipeSource::rpicam_vid(camera)?),
+        SourceKind::Command => Box::new(PipeSource::command_line(input.unwrap_or_default(), camera)?),
         SourceKind::Libcamera => {
             bail!("camera.source = \"libcamera\" is not built into this version; use \"rpicam-vid\"")
         }
     })
-}
-
-struct Runner<'a, C> {
-    options: &'a Run,
-    configuration: &'a Configuration,
-    rig: &'a Rig,
-    path: StripePath<C>,
-    source: Option<Box<dyn Source>>,
-    pace: Option<Duration>,
-    pause: Duration,
-    sum: Sum,
-    told: Option<(bool, StopCauses)>,
-}
-
-impl<'a, C: Controller> Runner<'a, C> {
-    /// The first opening of the source must work: a mistake in the configuration is told at once.
-    fn new(
-        options: &'a Run,
-        configuration: &'a Configuration,
-        rig: &'a Rig,
-        path: StripePath<C>,
-    ) -> anyhow::Result<Self> {
-        let source = Some(open(configuration, rig)?);
-        let latency_ms = Quantiles { p50: 0.0, p99: 0.0, p999: 0.0, longest: 0.0 };
-        let sum = Sum { pictures: 0, missing: 0, lost: 0, restarts: 0, latency_ms };
-        Ok(Self {
-            options,
-            configuration,
-            rig,
-            path,
-            source,
-            pace: None,
-            pause: FIRST_PAUSE,
-            sum,
-            told: None,
-        })
-    }
-
-    /// Picture after picture until the end; `drive` is asked for the laser's drive over an exposure.
-    fn go(
-        mut self,
-        stop: &AtomicBool,
-        mut drive: impl FnMut(&mut StripePath<C>, Micros, Micros) -> f32,
-    ) -> anyhow::Result<u8> {
-        let rate = self.configuration.camera.frames_per_second;
-        let last = self.options.seconds.map(|seconds| (seconds * rate).round() as u64);
-        let facts = FrameFacts::default();
-        let mut due = Instant::now();
-        while !stop.load(Ordering::Relaxed) && last.is_none_or(|last| self.sum.pictures < last) {
-            let exposed = self.path.controller().now().since(facts.capture_age);
-            let level = drive(&mut self.path, exposed, facts.exposure);
-            self.sum.pictures += 1;
-            self.picture(exposed, level)?;
-            if let Some(pace) = self.pace {
-                due += pace;
-                std::thread::sleep(due.saturating_duration_since(Instant::now()));
-            }
-        }
-        self.finish()
-    }
-
-    fn picture(&mut self, exposed: Micros, level: f32) -> anyhow::Result<()> {
-        let Some(source) = &mut self.source else { return self.reopen() };
-        let frame = match source.next(level) {
-            Ok(Some(frame)) => frame,
-            Ok(None) => {
-                self.sum.missing += 1;
-                return Ok(());
-            }
-            Err(error) => {
-                eprintln!("warning: the source of pictures: {error:#}");
-                self.sum.missing += 1;
-                self.source = None;
-                return Ok(());
-            }
-        };
-        self.pause = FIRST_PAUSE;
-        if let Err(error) = self.path.step(frame, exposed, &Motion::default()) {
-            self.sum.lost += 1;
-            // What closed the bus was told when it did.
-            if !matches!(&error, StripeError::Controller(ControllerError::Board(BoardError::Closed { .. }))) {
-                eprintln!("warning: {error}");
-            }
-        }
-        self.tell_changes()
-    }
-
-    /// A broken source is opened again, with a growing pause; until then nothing is sent, and the controller stops.
-    fn reopen(&mut self) -> anyhow::Result<()> {
-        std::thread::sleep(self.pause);
-        self.pause = (self.pause * 2).min(LONGEST_PAUSE);
-        match open(self.configuration, self.rig) {
-            Ok(source) => {
-                self.source = Some(source);
-                self.sum.restarts += 1;
-            }
-            Err(error) => eprintln!("warning: {error:#}; next try in {:.1} s", self.pause.as_secs_f64()),
-        }
-        Ok(())
-    }
-
-    fn tell_changes(&mut self) -> anyhow::Result<()> {
-        let controller = self.path.controller();
-        let causes = controller.status().map_or(StopCauses::NONE, |status| status.live_causes);
-        let now = (controller.is_circuit_closed(), causes);
-        if self.told == Some(now) {
-            return Ok(());
-        }
-        self.told = Some(now);
-        let change =
-            Change { picture: self.sum.pictures, relay: relay_name(now.0), causes: cause_names(causes) };
-        if self.options.json {
-            say!("{}", serde_json::to_string(&change)?);
-        } else {
-            say!("picture {:>6}  {:<6}  {}", change.picture, change.relay, change.causes.join(", "));
-        }
-        Ok(())
-    }
-
-    fn finish(mut self) -> anyhow::Result<u8> {
-        let [p50, p99, p999, longest] = self.path.latency().summary_ms();
-        self.sum.latency_ms = Quantiles { p50, p99, p999, longest };
-        if self.options.json {
-            say!("{}", serde_json::to_string(&self.sum)?);
-        } else {
-            let Sum { pictures, missing, lost, .. } = &self.sum;
-            say!("{pictures} pictures, {missing} missing, {lost} lost");
-            say!(
-                "picture to status: p50 {p50:.2} ms, p99 {p99:.2} ms, p99.9 {p999:.2} ms, longest {longest:.2} ms"
-            );
-        }
-        Ok(0)
-    }
 }

@@ -84,6 +84,9 @@ pub struct Board<B> {
     status: Option<Status>,
     out: Box<Transaction>,
     back: Box<Transaction>,
+    /// The line-scan of the last transaction that took place.
+    sent: Box<Transaction>,
+    took_place: bool,
     begun: Instant,
     failures: u64,
 }
@@ -102,6 +105,8 @@ impl<B: Bus> Board<B> {
             status: None,
             out: Box::new([0; LINE_SCAN_LENGTH]),
             back: Box::new([0; LINE_SCAN_LENGTH]),
+            sent: Box::new([0; LINE_SCAN_LENGTH]),
+            took_place: false,
             begun,
             failures: 0,
         }
@@ -125,6 +130,12 @@ impl<B: Bus> Board<B> {
         self.status.map_or(Challenge::default(), |status| status.challenge)
     }
 
+    /// What went out and what came back last time, if the transaction took place.
+    #[must_use]
+    pub fn last_transaction(&self) -> Option<(&Transaction, &Transaction)> {
+        self.took_place.then_some((&*self.sent, &*self.back))
+    }
+
     /// How often the bus failed.
     #[must_use]
     pub const fn failures(&self) -> u64 {
@@ -141,6 +152,7 @@ impl<B: Bus> Board<B> {
         light: &LightReport,
         facts: FrameFacts,
     ) -> Result<&Status, BoardError> {
+        self.took_place = false;
         self.sequence = self.sequence.next();
         let header = LineScanHeader {
             source: self.source,
@@ -163,13 +175,16 @@ impl<B: Bus> Board<B> {
     /// # Errors
     /// See [`BoardError`].
     pub fn poll(&mut self) -> Result<&Status, BoardError> {
+        self.took_place = false;
         self.out.fill(0);
         self.exchange()
     }
 
     fn exchange(&mut self) -> Result<&Status, BoardError> {
         let outcome = self.transact();
-        // Whatever happened, these bytes are done with.
+        self.took_place = outcome.is_ok();
+        // Whatever happened, these bytes are done with: kept for the recorder, never sent again.
+        std::mem::swap(&mut self.out, &mut self.sent);
         self.out.fill(0);
         if let Err(BoardError::Bus(error)) = &outcome {
             self.close(error.to_string());

@@ -5,7 +5,7 @@ use nearfield_shared::status::{Challenge, Channels, Status};
 use nearfield_shared::units::Micros;
 
 use crate::light::LightReport;
-use crate::link::board::{Board, BoardError, Bus};
+use crate::link::board::{Board, BoardError, Bus, Transaction};
 use crate::link::{FrameFacts, LinkError, McuSession};
 
 /// Why a line-scan was not exchanged.
@@ -33,6 +33,17 @@ pub trait Controller {
     /// May the robot move, as far as the controller's contacts tell?
     fn is_circuit_closed(&self) -> bool {
         self.status().is_some_and(|status| status.relay_readback == Channels::CLOSED)
+    }
+
+    /// A frame period without a picture: nothing is sent. Simulated time goes on, so that a simulated controller notices.
+    ///
+    /// # Errors
+    /// The controller cannot be reached.
+    fn skip(&mut self) -> Result<(), ControllerError>;
+
+    /// The bytes of the last transaction, line-scan and answer, for the recorder; `None` = there is none, or it is told otherwise.
+    fn last_transaction(&self) -> Option<(&Transaction, &Transaction)> {
+        None
     }
 
     /// Sends a picture's line-scan.
@@ -64,6 +75,10 @@ impl Controller for McuSession {
         self.relay_closed()
     }
 
+    fn skip(&mut self) -> Result<(), ControllerError> {
+        Ok(self.run_frame(None)?)
+    }
+
     fn send(
         &mut self,
         columns: &[LineScanColumn],
@@ -85,6 +100,14 @@ impl<B: Bus> Controller for Board<B> {
 
     fn status(&self) -> Option<&Status> {
         Self::status(self)
+    }
+
+    fn skip(&mut self) -> Result<(), ControllerError> {
+        Ok(())
+    }
+
+    fn last_transaction(&self) -> Option<(&Transaction, &Transaction)> {
+        Self::last_transaction(self)
     }
 
     fn send(

@@ -93,6 +93,11 @@ impl<T> Reader<T> {
         Some(&mut self.front)
     }
 
+    /// What was fetched last; a default before the first.
+    pub const fn last(&self) -> &T {
+        &self.front
+    }
+
     /// Waits for a new one.
     pub fn wait(&mut self, longest: Duration) -> Fetched<'_, T> {
         let slot = self.shared.slot.lock().unwrap_or_else(PoisonError::into_inner);

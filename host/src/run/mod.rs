@@ -4,17 +4,28 @@
 //!  source --> stripe path: vision -> line-scan -> controller -> status
 //!        \                     ^ answers (newest, never waited for)
 //!         \--> mailbox (newest picture) --> semantics thread: detector
+//!         \--> queues of fixed length --> recorder's thread, page's threads
 //! ```
 //!
-//! The two meet in [`mailbox::Mailbox`] only, whose writer never waits: a detector that takes ten seconds delays nothing.
+//! They meet in [`mailbox::Mailbox`] and [`nearfield_recording::queue`] only, whose writers never wait: a detector that takes
+//! ten seconds, a full disk, two hundred visitors of the page delay nothing.
+//!
+//! [`runner`] is the loop, [`supervised`] opens a broken source again, [`outlets`] are those who are told, and [`redecide`] makes
+//! a recorded controller decide again.
 
 pub mod controller;
 pub mod detector_eye;
+pub mod journal;
 pub mod latency;
 pub mod mailbox;
+pub mod outlets;
+pub mod pictures;
+pub mod redecide;
+pub mod runner;
 pub mod semantics;
 pub mod source;
 pub mod stripe_path;
+pub mod supervised;
 
 pub use controller::Controller;
 pub use latency::Latency;

@@ -1,14 +1,42 @@
 //! Tier 3 in a thread of its own: takes the newest picture, asks the detector, leaves the answer.
 
+use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use nearfield_fusion::Sighting;
+use nearfield_recording::{Detections, Event, Sighting as ToldSighting, Taps};
+use nearfield_shared::action::Category;
 use nearfield_shared::units::Micros;
 
 use crate::capture::Frame;
 
 use super::mailbox::{Fetched, Mailbox, Reader, Writer};
+
+/// What people and programs read.
+const fn category_name(category: Category) -> &'static str {
+    match category {
+        Category::Human => "human",
+        Category::Tool => "tool",
+        Category::Material => "material",
+        Category::Part => "part",
+        Category::Vehicle => "vehicle",
+        Category::Environment => "environment",
+        Category::SafetyItem => "safety_item",
+        Category::Unknown => "unknown",
+    }
+}
+
+/// An answer as recorder and page are told.
+fn told(exposed: Micros, sightings: Option<&[Sighting]>, reason: &str) -> Detections {
+    let one = |sighting: &Sighting| ToldSighting {
+        category: category_name(sighting.category).to_owned(),
+        confidence: sighting.confidence,
+        pixels: [sighting.seen.left, sighting.seen.top, sighting.seen.right, sighting.seen.bottom],
+    };
+    let seen = sightings.map(|sightings| sightings.iter().map(one).collect());
+    Detections { exposed, seen: seen.ok_or_else(|| reason.to_owned()) }
+}
 
 /// A picture for tier 3, in the camera's own layout: it is converted in tier 3's thread, not in the stripe's.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -58,7 +86,15 @@ impl Semantics {
     ///
     /// # Errors
     /// The operating system gives no thread.
-    pub fn start(mut eye: impl Eye + 'static) -> std::io::Result<Self> {
+    pub fn start(eye: impl Eye + 'static) -> std::io::Result<Self> {
+        Self::start_told(eye, Taps::default())
+    }
+
+    /// As [`Self::start`]; every answer is told.
+    ///
+    /// # Errors
+    /// The operating system gives no thread.
+    pub fn start_told(mut eye: impl Eye + 'static, taps: Taps) -> std::io::Result<Self> {
         let (pictures, mut incoming) = Mailbox::pair::<SemanticPicture>();
         let (mut outgoing, answers) = Mailbox::pair::<SemanticAnswer>();
         let thread = std::thread::Builder::new().name("semantics".to_owned()).spawn(move || {
@@ -73,6 +109,9 @@ impl Semantics {
                     Err(reason) => (None, reason),
                 };
                 let exposed = picture.exposed;
+                if !taps.is_empty() {
+                    taps.tell(exposed, Event::Detections(Arc::new(told(exposed, sightings.as_deref(), &reason))));
+                }
                 let answer = SemanticAnswer { sightings, reason, exposed };
                 // The stripe path fetches for an instant only: the next try goes through.
                 while !outgoing.offer(|slot| slot.clone_from(&answer)) {

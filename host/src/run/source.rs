@@ -16,12 +16,15 @@ use crate::twin::{Picture, Scene, Twin, View};
 
 /// Delivers pictures.
 pub trait Source: Send {
-    /// The next picture; `drive` is the laser's mean drive over its exposure, 0 to 1, which only the twin needs.
-    /// `None` = no picture came in time.
+    /// Waits for the next picture, no longer than some frame periods; `drive` is the laser's mean drive over its exposure,
+    /// 0 to 1, which only the twin needs. `false` = none came in time.
     ///
     /// # Errors
     /// The source is broken; it may be opened again.
-    fn next(&mut self, drive: f32) -> anyhow::Result<Option<&Frame>>;
+    fn advance(&mut self, drive: f32) -> anyhow::Result<bool>;
+
+    /// The picture that [`Self::advance`] has brought last; empty before the first.
+    fn frame(&self) -> &Frame;
 }
 
 /// Made-up pictures, lit by the laser as the controller drives it.
@@ -44,11 +47,15 @@ impl TwinSource {
 }
 
 impl Source for TwinSource {
-    fn next(&mut self, drive: f32) -> anyhow::Result<Option<&Frame>> {
+    fn advance(&mut self, drive: f32) -> anyhow::Result<bool> {
         self.twin.render_into(self.number, drive, &mut self.picture);
         self.number += 1;
         self.frame = self.picture.to_yuv420_frame()?;
-        Ok(Some(&self.frame))
+        Ok(true)
+    }
+
+    fn frame(&self) -> &Frame {
+        &self.frame
     }
 }
 
@@ -83,11 +90,15 @@ impl FolderSource {
 }
 
 impl Source for FolderSource {
-    fn next(&mut self, _drive: f32) -> anyhow::Result<Option<&Frame>> {
+    fn advance(&mut self, _drive: f32) -> anyhow::Result<bool> {
         let path = &self.pictures[self.next % self.pictures.len()];
         self.next += 1;
         self.frame = read_frame(path, self.size)?;
-        Ok(Some(&self.frame))
+        Ok(true)
+    }
+
+    fn frame(&self) -> &Frame {
+        &self.frame
     }
 }
 
@@ -109,6 +120,18 @@ impl PipeSource {
         Self::start(command, camera).context(
             "cannot start rpicam-vid; `sudo apt install rpicam-apps-lite` installs it on a Raspberry Pi",
         )
+    }
+
+    /// A program by its line, split at blanks.
+    ///
+    /// # Errors
+    /// It cannot be started.
+    pub fn command_line(line: &str, camera: &Camera) -> anyhow::Result<Self> {
+        let mut words = line.split_whitespace();
+        let program = words.next().context("camera.input names no program")?;
+        let mut command = Command::new(program);
+        command.args(words);
+        Self::start(command, camera).with_context(|| format!("cannot start {program} (camera.input)"))
     }
 
     /// Any program.
@@ -142,12 +165,16 @@ fn read_pictures(mut pipe: ChildStdout, size: ImageSize, mut writer: super::mail
 }
 
 impl Source for PipeSource {
-    fn next(&mut self, _drive: f32) -> anyhow::Result<Option<&Frame>> {
+    fn advance(&mut self, _drive: f32) -> anyhow::Result<bool> {
         match self.pictures.wait(self.longest) {
-            Fetched::New(frame) => Ok(Some(frame)),
-            Fetched::Nothing => Ok(None),
+            Fetched::New(_) => Ok(true),
+            Fetched::Nothing => Ok(false),
             Fetched::Closed => bail!("the camera's program has ended"),
         }
+    }
+
+    fn frame(&self) -> &Frame {
+        self.pictures.last()
     }
 }
 
@@ -199,9 +226,9 @@ mod tests {
         let mut source = PipeSource::start(command, &camera).unwrap();
         let mut seen = Vec::new();
         let ended = loop {
-            match source.next(1.0) {
-                Ok(Some(frame)) => seen.push(frame.clone()),
-                Ok(None) => {}
+            match source.advance(1.0) {
+                Ok(true) => seen.push(source.frame().clone()),
+                Ok(false) => {}
                 Err(error) => break error,
             }
         };

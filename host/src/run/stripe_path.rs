@@ -148,6 +148,15 @@ impl<C: Controller> StripePath<C> {
         Ok(Step { advice, verdict: facts.verdict, relay_closed })
     }
 
+    /// A frame period without a picture: the controller gets nothing, and the votes know it.
+    ///
+    /// # Errors
+    /// The controller cannot be reached.
+    pub fn skip(&mut self) -> Result<(), StripeError> {
+        self.analyser.lose_frame();
+        Ok(self.controller.skip()?)
+    }
+
     fn send(&mut self, view: &FrameView<'_>, facts: FrameFacts) -> Result<(), ControllerError> {
         let extractor = self.analyser.extractor();
         self.encoder.encode(extractor.readings(), extractor.geometry());

@@ -11,6 +11,7 @@ mod fuzz;
 mod miri;
 mod mutants;
 mod panic_free;
+mod pi;
 mod report;
 mod run;
 mod seeded_faults;
@@ -41,6 +42,11 @@ nearfield's chores. Each sets up what it needs by itself.
   cargo xtask budget     flash, RAM, stack and instructions of the firmware against tests/budget.toml
                          (--write keeps the measured figures plus headroom as the new budget)
   cargo xtask bench      what a frame of 2304 x 1296 costs the host, against the sum of the bytes that it reads
+  cargo xtask pi         the host's program for the Raspberry Pi (aarch64; cross-compiler through apt where it can)
+  cargo xtask pi-test    tests of the parts that run on the Pi, for its processor, under QEMU (further arguments: packages)
+  cargo xtask soak       `nearfield run` with recording and page for minutes, flooded, on a full disk, with a dying source:
+                         losses, latency, memory (--seconds N a phase, --semantics)
+  cargo xtask deb        the Debian package: program, service, udev rules, configuration
   cargo xtask report     the source paper's tables made again beside ours, in one run: tests/REPORT.md, target/report.html
   cargo xtask train-smoke  half a minute of training the detector on toy pictures, up to being judged (Python, PyPI)
   cargo xtask lint       format and lints only
@@ -113,6 +119,10 @@ fn dispatch(verb: &str, rest: &[String]) -> Result<()> {
             setup::firmware_target()?;
             panic_free::prove()
         }
+        "pi" => pi::build(),
+        "pi-test" => pi::test(rest),
+        "deb" => pi::package(),
+        "soak" => soak(rest),
         "coverage" => coverage::check(rest),
         "mutants" => mutants::check(rest),
         "seeded-faults" => seeded_faults::check(rest),
@@ -126,6 +136,17 @@ fn dispatch(verb: &str, rest: &[String]) -> Result<()> {
         }
         unknown => bail!("there is no chore {unknown:?}; `cargo xtask help` lists them"),
     }
+}
+
+/// Figures phase by phase; see `host/tests/soak.rs`.
+fn soak(rest: &[String]) -> Result<()> {
+    let seconds = rest.iter().skip_while(|argument| *argument != "--seconds").nth(1);
+    let profile = if rest.iter().any(|argument| argument == "--semantics") { "semantics" } else { "height" };
+    let arguments = ["test", "--release", "--package", "nearfield-host", "--test", "soak", "--"];
+    Step::cargo(&[&arguments[..], &["--ignored", "--nocapture", "--test-threads", "1"]].concat())
+        .env("NEARFIELD_SOAK_SECONDS", seconds.map_or("60", String::as_str))
+        .env("NEARFIELD_SOAK_PROFILE", profile)
+        .run()
 }
 
 fn demo(rest: &[String]) -> Result<()> {

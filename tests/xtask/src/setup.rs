@@ -39,11 +39,8 @@ fn rustup(arguments: &[&str]) -> Result<(bool, String)> {
         .context("rustup is needed to set up the microcontroller's target; see https://rustup.rs")
 }
 
-/// QEMU, through apt where that is possible.
-fn emulator() -> Result<()> {
-    if Step::program(QEMU, &["--version"]).capture().is_ok_and(|(success, _)| success) {
-        return Ok(());
-    }
+/// Debian packages, through apt, as root or with sudo.
+pub fn install(packages: &[&str]) -> Result<()> {
     let root = Step::program("id", &["-u"]).capture().is_ok_and(|(_, user)| user.trim() == "0");
     let apt = |arguments: &[&str]| {
         let step = if root {
@@ -53,9 +50,16 @@ fn emulator() -> Result<()> {
         };
         step.env("DEBIAN_FRONTEND", "noninteractive").run()
     };
-    let installed = apt(&["update", "--quiet"])
-        .and_then(|()| apt(&["install", "--yes", "--quiet", "--no-install-recommends", QEMU]));
-    if let Err(error) = installed {
+    apt(&["update", "--quiet"])?;
+    apt(&[&["install", "--yes", "--quiet", "--no-install-recommends"], packages].concat())
+}
+
+/// QEMU, through apt where that is possible.
+fn emulator() -> Result<()> {
+    if Step::program(QEMU, &["--version"]).capture().is_ok_and(|(success, _)| success) {
+        return Ok(());
+    }
+    if let Err(error) = install(&[QEMU]) {
         bail!(
             "the emulator `{QEMU}` is missing and could not be installed ({error:#}). Install it by hand: \
              Debian/Ubuntu `apt-get install qemu-system-arm`, Fedora `dnf install qemu-system-arm`, \

@@ -22,6 +22,9 @@ pub const FUZZ: Tool = Tool { verb: "fuzz", package: "cargo-fuzz", version: "0.1
 /// Licences, sources and duplicates of the dependencies.
 pub const AUDIT: Tool = Tool { verb: "deny", package: "cargo-deny", version: "0.20.2" };
 
+/// Debian packages.
+pub const DEB: Tool = Tool { verb: "deb", package: "cargo-deb", version: "3.8.0" };
+
 impl Tool {
     /// Installs it if it is missing.
     pub fn ensure(&self) -> Result<()> {
