@@ -123,8 +123,15 @@ fn wait_for_bytes(folder: &Path, bytes: u64) {
 #[test]
 fn a_recorded_run_is_decided_again_bit_for_bit_with_its_stop() {
     let folder = robot(&format!("{SMALL}input = \"box_45\"\n"));
-    let run =
-        nearfield(&["run", "--config", &file(folder.path()), "--seconds", "2", "--record", &recordings(folder.path())]);
+    let run = nearfield(&[
+        "run",
+        "--config",
+        &file(folder.path()),
+        "--seconds",
+        "2",
+        "--record",
+        &recordings(folder.path()),
+    ]);
     assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
     let (code, lines) = replayed(&recordings(folder.path()));
     assert_eq!(code, Some(0), "{lines:?}");
@@ -222,11 +229,16 @@ fn a_source_that_dies_is_opened_again_and_the_controller_stops_meanwhile() {
     let folder = robot("");
     let script = folder.path().join("camera");
     // Twenty black pictures, then it dies.
-    std::fs::write(&script, "#!/bin/sh\nfor i in 1 2 3 4 5 6 7 8 9 10; do head -c 279936 /dev/zero; sleep 0.02; done\n").unwrap();
+    std::fs::write(
+        &script,
+        "#!/bin/sh\nfor i in 1 2 3 4 5 6 7 8 9 10; do head -c 279936 /dev/zero; sleep 0.02; done\n",
+    )
+    .unwrap();
     std::fs::set_permissions(&script, std::fs::Permissions::from_mode(0o755)).unwrap();
     let configuration = format!("{SMALL}source = \"command\"\ninput = \"{}\"\n", script.display());
     std::fs::write(folder.path().join("nearfield.toml"), configuration).unwrap();
-    let output = nearfield(&["run", "--config", &file(folder.path()), "--seconds", "4", "--json", "--no-page"]);
+    let output =
+        nearfield(&["run", "--config", &file(folder.path()), "--seconds", "4", "--json", "--no-page"]);
     let (lines, warnings) = (text(&output.stdout), text(&output.stderr));
     assert_eq!(output.status.code(), Some(0), "{warnings}");
     let sum: serde_json::Value = serde_json::from_str(lines.lines().last().unwrap()).unwrap();

@@ -86,7 +86,9 @@ fn phase_length() -> Duration {
 
 fn configuration(camera: &str) -> String {
     let profile = std::env::var("NEARFIELD_SOAK_PROFILE").unwrap_or_else(|_| "height".to_owned());
-    format!("profile = \"{profile}\"\n[page]\nlisten = \"127.0.0.1:0\"\n[camera]\nwidth = 576\nheight = 324\n{camera}")
+    format!(
+        "profile = \"{profile}\"\n[page]\nlisten = \"127.0.0.1:0\"\n[camera]\nwidth = 576\nheight = 324\n{camera}"
+    )
 }
 
 fn number(status: &Value, pointer: &str) -> f64 {
@@ -131,7 +133,8 @@ fn flood(address: &str, clients: usize) -> (u64, u64) {
             let (answered, refused) = (Arc::clone(&answered), Arc::clone(&refused));
             std::thread::spawn(move || {
                 while !ending.load(Ordering::Relaxed) {
-                    let served = get(&address, "/api/live").is_ok_and(|answer| answer.starts_with("HTTP/1.1 200"));
+                    let served =
+                        get(&address, "/api/live").is_ok_and(|answer| answer.starts_with("HTTP/1.1 200"));
                     if served { &answered } else { &refused }.fetch_add(1, Ordering::Relaxed);
                 }
             })

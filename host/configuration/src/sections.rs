@@ -232,8 +232,10 @@ pub(crate) fn camera(section: &Section<'_>) -> Camera {
     if camera.source == Source::Replay && camera.input.is_none() {
         section.object("input", "is missing; name the folder of pictures to replay");
     }
-    if camera.source == Source::Command && camera.input.as_deref().is_none_or(|input| input.trim().is_empty()) {
-        section.object("input", "is missing; name the program that writes YUV420 pictures, with its arguments");
+    if camera.source == Source::Command && camera.input.as_deref().is_none_or(|input| input.trim().is_empty())
+    {
+        section
+            .object("input", "is missing; name the program that writes YUV420 pictures, with its arguments");
     }
     let period_us = 1e6 / camera.frames_per_second;
     if f64::from(camera.exposure_us) > period_us {

@@ -178,11 +178,20 @@ impl Run {
             return Ok(0);
         }
         let Quantiles { p50, p99, p999, longest } = sum.latency_ms;
-        say!("{pictures} pictures, {missing} missing, {lost} lost; the source was opened again {restarts} times");
-        say!("picture to status: p50 {p50:.2} ms, p99 {p99:.2} ms, p99.9 {p999:.2} ms, longest {longest:.2} ms");
+        say!(
+            "{pictures} pictures, {missing} missing, {lost} lost; the source was opened again {restarts} times"
+        );
+        say!(
+            "picture to status: p50 {p50:.2} ms, p99 {p99:.2} ms, p99.9 {p999:.2} ms, longest {longest:.2} ms"
+        );
         if let Some(recording) = &sum.recording {
-            let problem = recording.problem.as_ref().map_or(String::new(), |problem| format!("; stopped: {problem}"));
-            say!("recorded {:.1} MiB, {} events lost{problem}", recording.bytes as f64 / 1048576.0, recording.dropped);
+            let problem =
+                recording.problem.as_ref().map_or(String::new(), |problem| format!("; stopped: {problem}"));
+            say!(
+                "recorded {:.1} MiB, {} events lost{problem}",
+                recording.bytes as f64 / 1048576.0,
+                recording.dropped
+            );
         }
         Ok(0)
     }

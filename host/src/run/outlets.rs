@@ -121,7 +121,8 @@ impl Outlets {
             after: seconds(settings.after_s),
         };
         let (tap, drain) = queue(QUEUE_LENGTH);
-        let recorder = Recorder::start(options, Box::new(folder), drain).context("cannot start the recorder")?;
+        let recorder =
+            Recorder::start(options, Box::new(folder), drain).context("cannot start the recorder")?;
         self.taps.add(tap.clone());
         self.recorder = Some(recorder);
         Ok(tap)

@@ -111,7 +111,10 @@ pub fn redecide<'a>(recordings: impl IntoIterator<Item = &'a Recording>) -> Resu
                     ask(&mut controller, step, payload, &mut told)?;
                 }
                 Record::Log(log) => told.stops += u64::from(log.message.starts_with("stop:")),
-                Record::Configuration(_) | Record::Decision(_) | Record::Detections(_) | Record::Picture(_) => {}
+                Record::Configuration(_)
+                | Record::Decision(_)
+                | Record::Detections(_)
+                | Record::Picture(_) => {}
             }
         }
     }

@@ -136,7 +136,9 @@ impl<C: Controller> Runner<'_, C> {
         if let Some((sent, came)) = self.path.controller().last_transaction()
             && let Some(status) = came.first_chunk()
         {
-            self.outlets.taps.tell(at, Event::Exchange { step: None, line_scan: Some(*sent), status: *status });
+            self.outlets
+                .taps
+                .tell(at, Event::Exchange { step: None, line_scan: Some(*sent), status: *status });
         }
         let relay_closed = self.path.controller().is_circuit_closed();
         let verdict = outcome.as_ref().copied().unwrap_or(HostVerdict::Stop);

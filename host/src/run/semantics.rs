@@ -110,7 +110,10 @@ impl Semantics {
                 };
                 let exposed = picture.exposed;
                 if !taps.is_empty() {
-                    taps.tell(exposed, Event::Detections(Arc::new(told(exposed, sightings.as_deref(), &reason))));
+                    taps.tell(
+                        exposed,
+                        Event::Detections(Arc::new(told(exposed, sightings.as_deref(), &reason))),
+                    );
                 }
                 let answer = SemanticAnswer { sightings, reason, exposed };
                 // The stripe path fetches for an instant only: the next try goes through.

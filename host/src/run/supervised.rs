@@ -215,7 +215,10 @@ mod tests {
                 Got::Picture(_) => panic!("there was none"),
             }
         };
-        assert!(begun.elapsed() >= STALLED_AFTER && error.to_string().contains("no picture for 1.0 s"), "{error}");
+        assert!(
+            begun.elapsed() >= STALLED_AFTER && error.to_string().contains("no picture for 1.0 s"),
+            "{error}"
+        );
     }
 
     #[test]

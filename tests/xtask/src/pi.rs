@@ -26,7 +26,9 @@ fn cross_compiler() -> Result<()> {
         return Ok(());
     }
     setup::install(&["gcc-aarch64-linux-gnu", "libc6-dev-arm64-cross"]).with_context(|| {
-        format!("{LINKER} is missing; install it by hand: Debian/Ubuntu `apt-get install gcc-aarch64-linux-gnu`")
+        format!(
+            "{LINKER} is missing; install it by hand: Debian/Ubuntu `apt-get install gcc-aarch64-linux-gnu`"
+        )
     })
 }
 

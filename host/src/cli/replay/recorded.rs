@@ -60,7 +60,10 @@ pub fn replay(paths: &[PathBuf], json: bool) -> anyhow::Result<u8> {
         runs.entry(key).or_default().push((configuration.segment, path.clone()));
     }
     if runs.is_empty() {
-        bail!("there is nothing in {}", paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", "));
+        bail!(
+            "there is nothing in {}",
+            paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ")
+        );
     }
     let bar = ProgressBar::new(paths.len() as u64).with_style(style());
     let mut code = 0;
@@ -85,7 +88,8 @@ pub fn replay(paths: &[PathBuf], json: bool) -> anyhow::Result<u8> {
 }
 
 fn style() -> ProgressStyle {
-    ProgressStyle::with_template("{bar:30} {pos} of {len} recordings").unwrap_or_else(|_| ProgressStyle::default_bar())
+    ProgressStyle::with_template("{bar:30} {pos} of {len} recordings")
+        .unwrap_or_else(|_| ProgressStyle::default_bar())
 }
 
 fn tell(report: &Report, json: bool) -> anyhow::Result<()> {
@@ -93,10 +97,26 @@ fn tell(report: &Report, json: bool) -> anyhow::Result<()> {
         say!("{}", serde_json::to_string(report)?);
         return Ok(());
     }
-    let Redecided { replies, different_replies, unasked, statuses, different_statuses, stops, cut_off, differences } =
-        &report.redecided;
-    say!("{} {}, segments {} to {}: {stops} stops", report.module, report.run, report.segments[0], report.segments[1]);
-    say!("  controller asked again: {replies} replies, {different_replies} different; {unasked} could not be asked");
+    let Redecided {
+        replies,
+        different_replies,
+        unasked,
+        statuses,
+        different_statuses,
+        stops,
+        cut_off,
+        differences,
+    } = &report.redecided;
+    say!(
+        "{} {}, segments {} to {}: {stops} stops",
+        report.module,
+        report.run,
+        report.segments[0],
+        report.segments[1]
+    );
+    say!(
+        "  controller asked again: {replies} replies, {different_replies} different; {unasked} could not be asked"
+    );
     say!("  line-scans judged again: {statuses} statuses, {different_statuses} different");
     if *cut_off > 0 {
         say!("  {cut_off} recordings were cut off; all that is whole in them was used");
