@@ -210,7 +210,7 @@ function showCapability(places) {
   find("capability").replaceChildren(...places.map((place, index) => {
     const seen = place.width_mm !== null;
     const height = seen ? (place.width_mm / top) * 150 : 160;
-    return shape("rect", { class: seen ? "zone" : "gap", style: "", x: index * step, y: 160 - height, width: step * 0.8, height });
+    return shape("rect", { class: seen ? "bar" : "gap", x: index * step, y: 160 - height, width: step * 0.8, height });
   }));
   const blind = places.length - widths.length;
   set("capability-words", `Widths from ${millimetres(Math.min(...widths))} to ${millimetres(Math.max(...widths))} are surely seen.`

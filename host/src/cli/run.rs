@@ -67,6 +67,9 @@ pub struct Run {
     json: bool,
 }
 
+/// From one press of a simulated controller's button to the next.
+const PRESS_INTERVAL: Micros = Micros::from_millis(1000);
+
 /// A change that is told.
 #[derive(Debug, Serialize)]
 struct ToldChange {
@@ -233,8 +236,13 @@ impl Work<'_> {
         let period = 1e6 / self.configuration.camera.frames_per_second;
         session.set_frame_period(Micros::new(period.round() as u64));
         let pace = (!self.options.fast).then(|| Duration::from_secs_f64(period / 1e6));
-        self.go(session, source, outlets, pace, |session, exposed, exposure| {
-            if session.status().state == StateCode::Interlocked {
+        let mut pressed = Micros::ZERO;
+        self.go(session, source, outlets, pace, move |session, exposed, exposure| {
+            // Pressed, released, and time for the controller to arm before it is tried again.
+            if session.status().state == StateCode::Interlocked
+                && session.now().since(pressed) >= PRESS_INTERVAL
+            {
+                pressed = session.now();
                 session.press_reset();
             }
             session.mean_laser_drive(exposed, exposure)

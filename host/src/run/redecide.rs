@@ -17,7 +17,7 @@ use nearfield_shared::limits::{LARGEST_COLUMN_COUNT, VOTE_FRAMES};
 use nearfield_shared::linescan::LineScan;
 use nearfield_shared::monitor::{StripeMonitor, StripeReport};
 use nearfield_shared::rig::{CompactRigError, Rig};
-use nearfield_shared::status::Status;
+use nearfield_shared::status::{REFUSAL_KINDS, Status};
 use serde::Serialize;
 
 use crate::link::{InProcess, LinkError, McuLink, SECRET_LENGTH};
@@ -170,6 +170,8 @@ fn ask(
 /// The stripe monitor over the recorded line-scans.
 struct Votes {
     monitor: Box<StripeMonitor<LARGEST_COLUMN_COUNT>>,
+    /// What the controller has refused, and its time-outs, as far as statuses have told.
+    refused: Option<[u32; REFUSAL_KINDS]>,
     /// Line-scans without a hole before them.
     unbroken: usize,
     last: Option<u32>,
@@ -184,7 +186,7 @@ impl Votes {
     fn new(rig: &Rig) -> Result<Self, GeometryError> {
         let mut monitor = Box::new(StripeMonitor::new());
         monitor.configure(rig, Decimation::for_line_scan(rig.image().width))?;
-        Ok(Self { monitor, unbroken: 0, last: None, reports: VecDeque::new() })
+        Ok(Self { monitor, refused: None, unbroken: 0, last: None, reports: VecDeque::new() })
     }
 
     fn line_scan(&mut self, bytes: &[u8]) {
@@ -205,11 +207,18 @@ impl Votes {
         }
     }
 
-    fn status(&self, bytes: &[u8], told: &mut Redecided) {
+    fn status(&mut self, bytes: &[u8], told: &mut Redecided) {
         let Ok(status) = Status::parse(bytes) else { return };
+        if self.refused.replace(status.refused).is_some_and(|before| before != status.refused) {
+            // A line-scan did not reach the vote, or the vote began anew after a silence: it is the same again after a full
+            // vote of accepted ones.
+            self.unbroken = 0;
+            self.reports.clear();
+            return;
+        }
         let echoed = status.echoed_sequence.get();
         let Some((_, report)) = self.reports.iter().find(|(sequence, _)| *sequence == echoed) else { return };
-        // After a silence or a refusal the controller's vote began anew; under a run-over permit columns pass as floor.
+        // Under a run-over permit columns pass as floor.
         if status.run_over.is_some() || report.passed.is_some() {
             return;
         }
