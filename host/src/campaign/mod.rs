@@ -25,6 +25,8 @@ pub struct Outcome {
     pub expected: ExpectedCutoff,
     /// Longest true gap, counting shifts of 5 mm and more seen from above, millimetres.
     pub true_gap_mm: f64,
+    /// Signal-to-noise ratio of the faintest 5 mm of the stripe on the floor: [`crate::twin::Twin::faintest_stretch`].
+    pub faintest: f64,
     /// Did the host's tier 1 stop?
     pub host_cut: bool,
     /// Did the controller's tier 1 stop on the line-scan?
@@ -55,7 +57,18 @@ pub struct ObjectOutcome {
     pub measured_mm: Option<f32>,
 }
 
+/// A stretch of 5 mm with a smaller signal-to-noise ratio (raw red, photons and read-out only) is not measurable. To tell
+/// 5 mm of stripe from 5 mm without, with one error in ten thousand of either kind, takes 7.4 standard deviations; the
+/// camera's own colour processing costs a factor of 1.7 of them (its colour matrix, red minus green).
+pub const LEAST_MEASURABLE: f64 = 12.0;
+
 impl Outcome {
+    /// Can the stripe be seen wherever it lies on the floor? Known from the scene, not from what was found in it.
+    #[must_use]
+    pub fn is_measurable(&self) -> bool {
+        self.faintest >= LEAST_MEASURABLE
+    }
+
     /// Stopped without a reason, by host or controller.
     #[must_use]
     pub fn is_false_stop(&self) -> bool {

@@ -25,6 +25,8 @@ const THEMES: [(&str, Theme); 3] =
     [("clean", Theme::Clean), ("object", Theme::Object), ("thin", Theme::Thin)];
 /// The layouts that take turns, one after all themes.
 const LAYOUTS: [&str; 3] = ["rgb", "yuv420", "nv12"];
+/// A ratio that is written down is no larger: JSON has no infinity.
+const MOST_RATIO: f64 = 1e6;
 /// A reading is right if it lies within this many pixels of a true row of its column.
 const RIGHT_PX: f64 = 2.0;
 
@@ -139,6 +141,7 @@ impl Judge {
             families,
             expected: expected(truth.cutoff),
             true_gap_mm: truth.longest_gap_mm.tolerance_5,
+            faintest: twin.faintest_stretch(&truth, 1.0).min(MOST_RATIO),
             host_cut: bench.analyser.report().is_cut(),
             controller_cut,
             gap_mm: bench.analyser.report().longest_gap().map_or(0.0, |gap| gap.length().get()),

@@ -83,6 +83,9 @@ pub struct Summary {
     pub time_us: [u64; 2],
     /// The slowest frame's scene.
     pub slowest: Option<u64>,
+    /// Clean floors on which the stripe cannot be seen everywhere ([`Outcome::is_measurable`]), and how many of them
+    /// stopped. They are in no other figure of false stops.
+    pub not_measurable: [usize; 2],
     /// Scenes that stopped without a reason.
     pub false_stops: Vec<u64>,
     /// Scenes that did not stop although they must.
@@ -126,7 +129,12 @@ impl Summary {
             reliability: reliability(outcomes),
             time_us: [time_at(times.len() / 2), time_at(times.len().saturating_sub(1))],
             slowest: times.last().map(|(_, scene)| *scene),
-            false_stops: numbers(&Outcome::is_false_stop),
+            not_measurable: [
+                numbers(&is_dark),
+                numbers(&|outcome| is_dark(outcome) && outcome.is_false_stop()),
+            ]
+            .map(|scenes: Vec<u64>| scenes.len()),
+            false_stops: numbers(&is_false_stop),
             misses: numbers(&Outcome::is_miss),
             gross_heights: numbers(&gross),
         }
@@ -141,6 +149,8 @@ impl Summary {
             text += &format!("{:<22} {:>26} {:>26}\n", row.family, row.false_stops.text(), row.misses.text());
         }
         let number = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.2}"));
+        let [dark, stopped] = self.not_measurable;
+        text += &format!("clean floors that are not measurable: {dark}, of which stopped: {stopped}\n");
         text += "heights                objects  unseen   RMSE mm  median mm    95 % mm  class wrong\n";
         for row in &self.heights {
             text += &format!(
@@ -182,18 +192,28 @@ impl Summary {
     }
 }
 
+/// Is it a clean floor whose stripe cannot be seen everywhere?
+fn is_dark(outcome: &Outcome) -> bool {
+    outcome.expected == ExpectedCutoff::NoTrip && !outcome.is_measurable()
+}
+
+/// Did a clean floor stop whose stripe can be seen everywhere?
+fn is_false_stop(outcome: &Outcome) -> bool {
+    outcome.is_false_stop() && outcome.is_measurable()
+}
+
 fn is_shiny(material: &str) -> bool {
     SHINY.iter().any(|name| material.starts_with(name))
 }
 
 fn family(name: &str, outcomes: &[&Outcome]) -> FamilyTable {
     let count = |wanted: &dyn Fn(&Outcome) -> bool| outcomes.iter().filter(|outcome| wanted(outcome)).count();
-    let clean = count(&|outcome| outcome.expected == ExpectedCutoff::NoTrip);
+    let clean = count(&|outcome| outcome.expected == ExpectedCutoff::NoTrip && outcome.is_measurable());
     let cut =
         count(&|outcome| matches!(outcome.expected, ExpectedCutoff::Trip | ExpectedCutoff::StripeMissing));
     FamilyTable {
         family: name.to_owned(),
-        false_stops: Share::of(count(&Outcome::is_false_stop), clean),
+        false_stops: Share::of(count(&is_false_stop), clean),
         misses: Share::of(count(&Outcome::is_miss), cut),
     }
 }

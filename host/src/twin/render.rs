@@ -5,6 +5,8 @@
 //! ([`Twin::place`]) redraws only the rectangles around their old and new places; a frame of a still scene costs
 //! only the sensor.
 
+mod visibility;
+
 use std::sync::Arc;
 
 use nearfield_shared::camera::Vector;

@@ -85,6 +85,19 @@ impl Sensor {
         }
     }
 
+    /// What the laser adds to one pixel's raw red below saturation, and the standard deviation of that red.
+    #[must_use]
+    pub fn red_light(&self, daylight: f32, laser: f32, shot: &Shot<'_>) -> (f32, f32) {
+        let look = shot.look;
+        let well = (look.full_well_electrons / look.gain) as f32;
+        let read = (look.read_noise_electrons as f32 / well).powi(2);
+        let strength = LASER_STRENGTH * shot.exposure * shot.drive * look.laser_power as f32;
+        let dark = (daylight * shot.exposure).clamp(0.0, 1.0);
+        let lit = (dark + laser * LASER_RESPONSE[0] * strength).min(1.0);
+        let left = NOISE_LEFT * shot.scale.clamp(0.1, 1.0);
+        (lit - dark, left * (lit / well + read).sqrt())
+    }
+
     /// Colour matrix and tone curve of one row.
     fn process(&self, raw: &[f32], bytes: &mut [u8]) {
         let width = raw.len() / 3;

@@ -3,11 +3,15 @@
 //! The rig says where the stripe on a free floor must appear, so a dim stripe is only asked for at one place, where
 //! little contrast proves it. What counts as enough is measured in the picture itself: the contrast must exceed what
 //! texture and noise reach just beside the stripe. Where the whole stripe is weak, neighbouring columns are averaged,
-//! over a fraction of what a gap may be long; and an end of the stripe is where its contrast has fallen to half, so
-//! that averaging moves none. Where the edge of a paint hides the stripe, the column is explained by both together
+//! over less than what a gap may be long ([`pooled`]); and an end of the stripe is where its contrast has fallen to
+//! half, so that averaging moves none. Where the edge of a paint hides the stripe, the column is explained by both together
 //! ([`super::edge`]).
 
 mod beside_edges;
+mod clipped;
+mod pooled;
+mod slanted;
+mod strip;
 
 use super::edge::EdgeModel;
 use super::grid::{Grid, GridColumn};
@@ -37,10 +41,6 @@ const BRIDGED_MM: f32 = 1.0;
 const GLOW_WIDTH: f32 = 2.0;
 /// ... and dimmer than this share of its usual contrast.
 const GLOW_SHARE: f32 = 0.5;
-/// Columns are averaged where the stripe around is weaker than this, in standard deviations.
-const WEAK_CONTRAST: f32 = 2.0 * SURE_CONTRAST;
-/// Averaged columns vary together, several at a time, so that chance makes a whole stretch: they must stand out more.
-const AVERAGED_PENALTY: f32 = 1.3;
 /// The background's variation is pooled over this many columns on both sides.
 const POOLED_COLUMNS: usize = 16;
 /// ... and is not believed above so many times the median over the stripe.
@@ -68,10 +68,10 @@ pub struct FloorColumn {
     doubtful: bool,
     /// The ridge as it must be here, if the edge of a paint hides it.
     hidden: Option<Peak>,
-    /// The ridge in the mean over the neighbours.
-    averaged: Option<Peak>,
     /// A ridge that may be the colour fringe of an edge.
     fringe: Option<Peak>,
+    /// Lit or not, as the stretch around it tells; `None` where the column speaks for itself.
+    pooled: Option<bool>,
 }
 
 /// Length of the stripe in one column, millimetres.
@@ -91,6 +91,11 @@ impl FloorColumn {
             })
     }
 
+    /// Is its ridge at the floor's row?
+    fn is_at(&self, place: &GridColumn) -> bool {
+        self.peak.is_some_and(|peak| (peak.row - place.floor_row).abs() <= place.tolerance)
+    }
+
     const UNKNOWN: Self = Self {
         peak: None,
         noise: f32::NAN,
@@ -99,8 +104,8 @@ impl FloorColumn {
         rise: 0.0,
         doubtful: false,
         hidden: None,
-        averaged: None,
         fringe: None,
+        pooled: None,
     };
 
     /// Lit, and if nothing is seen because of an edge, at the row at which the stripe must be.
@@ -177,6 +182,7 @@ pub struct FloorFinder {
     usual: UsualStripe,
     bench: Bench,
     edges: EdgeModel,
+    pool: pooled::Pool,
 }
 
 /// What the stripe looks like in one frame.
@@ -204,6 +210,7 @@ impl FloorFinder {
             usual: UsualStripe::UNKNOWN,
             bench: Bench::default(),
             edges: EdgeModel::new(),
+            pool: pooled::Pool::new(count),
         }
     }
 
@@ -221,6 +228,7 @@ impl FloorFinder {
 
     /// Looks at one frame.
     pub fn find<S: RowSearch>(&mut self, signal: S, grid: &Grid) {
+        self.pool.strip.clear();
         self.measure(signal, grid);
         self.strengthen(signal, grid);
         self.usual = self.usual_stripe();
@@ -252,37 +260,6 @@ impl FloorFinder {
         }
     }
 
-    /// Measures the columns of weak stretches again, each averaged with its neighbours along the stripe.
-    fn strengthen<S: RowSearch>(&mut self, signal: S, grid: &Grid) {
-        for (significance, column) in self.scratch.iter_mut().zip(&self.columns) {
-            *significance = column.significance();
-        }
-        pool(&self.scratch, &mut self.pooled);
-        let (columns, weak, noise) = (&mut self.columns, &self.pooled, &mut self.scratch);
-        if weak.iter().all(|significance| *significance >= WEAK_CONTRAST) {
-            return;
-        }
-        noise.fill(f32::NAN);
-        let is_weak = |index: usize| weak[index] < WEAK_CONTRAST;
-        self.bench.measure_averaged(signal, grid, is_weak, |index, found| {
-            noise[index] = found.noise;
-            if is_weak(index)
-                && let Some(peak) = found.peak.filter(|peak| !is_fringe(signal, grid.first() + index, peak))
-            {
-                columns[index].averaged = Some(peak);
-            }
-        });
-        pool(&self.scratch, &mut self.pooled);
-        for (column, noise) in self.columns.iter_mut().zip(&self.pooled) {
-            let noise = AVERAGED_PENALTY * noise.max(LEAST_NOISE / 2.0);
-            if let Some(peak) = column.averaged.take()
-                && peak.contrast / noise > column.significance()
-            {
-                (column.peak, column.noise) = (Some(peak), noise);
-            }
-        }
-    }
-
     fn decide(&mut self, grid: &Grid) {
         let usual = self.usual;
         for (contrast, column) in self.scratch.iter_mut().zip(&self.columns) {
@@ -297,7 +274,11 @@ impl FloorFinder {
             });
             let sure = !glow && column.significance() >= SURE_CONTRAST;
             // How much of the strongest contrast around is left; NaN where there is no stripe to judge.
-            let share = if sure { column.contrast() / strongest } else { f32::NAN };
+            let share = match column.pooled {
+                Some(true) => 1.0,
+                None if sure => column.contrast() / strongest,
+                Some(false) | None => f32::NAN,
+            };
             self.pooled[index] = share;
             column.lit = share >= SPREAD_SHARE;
         }

@@ -10,12 +10,6 @@ use super::signal::RowSearch;
 const LANES: usize = 64;
 /// The background's variation is measured in every so manieth column: it is pooled anyway.
 const NOISE_STRIDE: usize = 8;
-/// Weak columns are averaged over so many millimetres on both sides ...
-const AVERAGED_MM: f32 = 1.0;
-/// ... but never over more columns on each side.
-const MOST_AVERAGED: usize = 4;
-/// Averages are kept in so manieth parts of a level.
-const PARTS: i16 = 4;
 /// A ridge whose contrast is a smaller share of its rise may have a paint's edge close by.
 const EVEN_SHARE: f32 = 0.5;
 /// A ridge whose contrast is a smaller share of its rise may be one rim of a wide, hollow one.
@@ -75,43 +69,9 @@ impl Bench {
             gather(&mut self.many, signal, grid, first, count, kernel.rows_aside(reach));
             self.many.search(kernel, reach);
             for (lane, place) in places.iter().enumerate() {
-                take(first + lane, self.many.found(lane, place, signal.rows(), (kernel, reach), 1.0));
+                take(first + lane, self.many.found(lane, place, signal.rows(), (kernel, reach)));
             }
             first += count;
-        }
-    }
-
-    /// Measures the columns for which `wanted` holds, and some around them, each averaged with its neighbours along the
-    /// stripe.
-    pub fn measure_averaged<S: RowSearch>(
-        &mut self,
-        signal: S,
-        grid: &Grid,
-        wanted: impl Fn(usize) -> bool,
-        mut take: impl FnMut(usize, Found),
-    ) {
-        let columns = grid.columns();
-        let mut first = 0;
-        while first < columns.len() {
-            // Lanes before and behind those that are told hold the neighbours.
-            let start = first.saturating_sub(MOST_AVERAGED);
-            let count = (columns.len() - start).min(LANES);
-            let told =
-                first - start..if start + count == columns.len() { count } else { count - MOST_AVERAGED };
-            if (start + told.start..start + told.end).any(&wanted) {
-                let places = &columns[start..start + count];
-                let (kernel, reach) = kernel_at(&places[count / 2]);
-                let rows = kernel.rows_aside(reach);
-                gather(&mut self.many, signal, grid, start, count, rows);
-                average(&mut self.many, averaged_columns(places), count, rows);
-                self.many.search(kernel, reach);
-                for lane in told.clone() {
-                    let scale = 1.0 / f32::from(PARTS);
-                    let found = self.many.found(lane, &places[lane], signal.rows(), (kernel, reach), scale);
-                    take(start + lane, found);
-                }
-            }
-            first = start + told.end;
         }
     }
 
@@ -157,22 +117,12 @@ fn stronger(one: Option<Peak>, other: Option<Peak>, gain: f32) -> Option<Peak> {
 }
 
 impl<const LANES: usize> Block<LANES> {
-    fn found(
-        &self,
-        lane: usize,
-        place: &GridColumn,
-        rows: usize,
-        (kernel, reach): (Kernel, usize),
-        scale: f32,
-    ) -> Found {
+    fn found(&self, lane: usize, place: &GridColumn, rows: usize, (kernel, reach): (Kernel, usize)) -> Found {
         if !has_room(place, rows, kernel, reach) {
             return Found { peak: None, rise: 0.0, noise: f32::NAN, doubtful: false };
         }
-        let noise = if lane.is_multiple_of(NOISE_STRIDE) {
-            scale * self.roughness(lane, kernel, reach)
-        } else {
-            f32::NAN
-        };
+        let noise =
+            if lane.is_multiple_of(NOISE_STRIDE) { self.roughness(lane, kernel, reach) } else { f32::NAN };
         let ridge = self.ridge(lane, kernel, reach);
         let doubtful = ridge.is_none_or(|ridge| {
             ridge.outside
@@ -180,11 +130,8 @@ impl<const LANES: usize> Block<LANES> {
                 || ridge.contrast < EVEN_SHARE * ridge.rise
                 || ridge.hollow >= LEAST_HOLLOW.max(HOLLOW_SHARE * ridge.contrast)
         });
-        let peak = ridge.filter(|ridge| !ridge.outside).map(|ridge| {
-            let peak = peak_of(ridge, place);
-            Peak { contrast: scale * peak.contrast, rise: scale * peak.rise, ..peak }
-        });
-        Found { peak, rise: scale * self.rise(lane, kernel), noise, doubtful }
+        let peak = ridge.filter(|ridge| !ridge.outside).map(|ridge| peak_of(ridge, place));
+        Found { peak, rise: self.rise(lane, kernel), noise, doubtful }
     }
 }
 
@@ -210,33 +157,6 @@ fn gather<S: RowSearch, const LANES: usize>(
             signal.copy((middle + row).clamp(0, last) as usize, grid.first() + first + lane, values);
         }
         lane += run.len();
-    }
-}
-
-/// Columns on each side of one that lie within [`AVERAGED_MM`].
-fn averaged_columns(places: &[GridColumn]) -> usize {
-    let [first, .., last] = places else { return 0 };
-    let distance = (last.place - first.place).abs() / (places.len() - 1) as f32;
-    ((AVERAGED_MM / distance.max(0.01)) as usize).min(MOST_AVERAGED)
-}
-
-/// Replaces each sample by [`PARTS`] times the mean with `reach` neighbours on both sides.
-fn average<const LANES: usize>(block: &mut Block<LANES>, reach: usize, count: usize, rows: usize) {
-    let rows = rows.min(MOST_ROWS_ASIDE) as isize;
-    for row in -rows..=rows {
-        let values = block.row_mut(row);
-        let mut sums = [0_i16; LANES];
-        for shift in 0..=2 * reach {
-            for (lane, sum) in sums.iter_mut().enumerate().take(count) {
-                // The outermost columns stand for those beyond them.
-                let other = (lane + shift).saturating_sub(reach).min(count - 1);
-                *sum += values[other];
-            }
-        }
-        let length = 2 * reach as i16 + 1;
-        for (value, sum) in values.iter_mut().zip(&sums[..count]) {
-            *value = (PARTS * sum).div_euclid(length);
-        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! The columns in which the edge of a paint may hide the stripe, explained by both together.
 
 use super::{FloorColumn, FloorFinder, SURE_CONTRAST};
+use super::{clipped, slanted};
 use crate::vision::grid::{Grid, GridColumn};
 use crate::vision::measure;
 use crate::vision::peak::Peak;
@@ -12,6 +13,10 @@ const LIKE_NEIGHBOURS_MM: f32 = 60.0;
 const LIKE_SHARE: f32 = 0.3;
 /// A ridge has the contrast of its neighbours if neither is so many times the other's ...
 const LIKE_RANGE: f32 = 2.0;
+/// Between two grounds nothing differs from either by more than so many times what they differ.
+const MOST_OF_STEP: f32 = 1.3;
+/// A stripe is at most so many times as wide as the rig tells.
+const WIDER: f32 = 1.5;
 /// ... and their row if it is within so many rows of it.
 const LIKE_ROWS: f32 = 1.5;
 /// Columns that are explained in one frame; a picture with more shows texture.
@@ -69,14 +74,20 @@ impl FloorFinder {
             while self.columns.get(after).is_some_and(|other| !other.is_like_floor(&grid.columns()[after])) {
                 after += 1;
             }
-            let Some(like) = self.neighbours(grid, index, [before, Some(after)]) else { continue };
+            let sides = [before, Some(after)];
+            let Some(like) = self.neighbours(grid, index, sides) else { continue };
             let column = &mut self.columns[index];
             if let Some(fringe) = column.fringe.filter(|fringe| like.is_like(fringe, place)) {
                 column.peak = Some(fringe);
                 continue;
             }
             left -= 1;
-            self.explain(signal, grid, index, &like);
+            let seen = self.is_one_edge(signal, grid, index, sides)
+                && (self.read_slanted(signal, grid, index, &like)
+                    || self.read_clipped(signal, grid, index, &like));
+            if !seen {
+                self.explain(signal, grid, index, &like);
+            }
         }
     }
 
@@ -91,6 +102,106 @@ impl FloorFinder {
         Neighbours::of(pairs)
     }
 
+    /// Does one edge between two grounds cross here? Then the grounds on both sides along the stripe differ by as much as
+    /// what is seen in between. A thing that lies on one ground has two edges, with the same ground on both sides.
+    fn is_one_edge<S: RowSearch>(
+        &mut self,
+        signal: S,
+        grid: &Grid,
+        index: usize,
+        sides: [Option<usize>; 2],
+    ) -> bool {
+        let [Some(before), Some(after)] = sides else { return false };
+        let noise = SURE_CONTRAST * self.columns[index].noise;
+        let towards_start = (0..=before).rev();
+        let Some(one) = self.even_ground(signal, grid, towards_start, noise) else { return false };
+        let Some(other) = self.even_ground(signal, grid, after..self.columns.len(), noise) else {
+            return false;
+        };
+        self.pool.strip.fill(signal, grid, index..index + 1);
+        let here = slanted::grounds(&self.pool.strip, index, grid.columns()[index].width);
+        let step = (one - other).abs();
+        let farthest = here.iter().map(|ground| (ground - one).abs().max((ground - other).abs()));
+        step >= noise && farthest.fold(0.0, f32::max) <= MOST_OF_STEP * step
+    }
+
+    /// The first ground on the way that is the same above and below the stripe.
+    fn even_ground<S: RowSearch>(
+        &mut self,
+        signal: S,
+        grid: &Grid,
+        way: impl Iterator<Item = usize>,
+        noise: f32,
+    ) -> Option<f32> {
+        let mut start = None;
+        for column in way {
+            let place = grid.columns().get(column)?;
+            if (place.place - *start.get_or_insert(place.place)).abs() > LIKE_NEIGHBOURS_MM {
+                return None;
+            }
+            self.pool.strip.fill(signal, grid, column..column + 1);
+            let [above, below] = slanted::grounds(&self.pool.strip, column, place.width);
+            if (above - below).abs() <= noise {
+                return Some((above + below) / 2.0);
+            }
+        }
+        None
+    }
+
+    /// Sees the column along the edge that crosses it; true if the stripe is there.
+    fn read_slanted<S: RowSearch>(
+        &mut self,
+        signal: S,
+        grid: &Grid,
+        index: usize,
+        like: &Neighbours,
+    ) -> bool {
+        let place = &grid.columns()[index];
+        let aside = index.saturating_sub(slanted::COLUMNS_ASIDE)..index + slanted::COLUMNS_ASIDE + 1;
+        self.pool.strip.fill(signal, grid, aside);
+        let fraction = place.floor_row - place.floor_row.round();
+        let expected = slanted::Expected {
+            // Beside an edge the neighbours look wider than they are.
+            width: like.width.clamp(place.width, WIDER * place.width),
+            offset: like.offset + fraction,
+            tolerance: place.tolerance.min(LIKE_ROWS),
+        };
+        let Some(ridge) = slanted::read(&self.pool.strip, index, &expected) else { return false };
+        let column = &mut self.columns[index];
+        if ridge.height < (LIKE_SHARE * like.contrast).max(SURE_CONTRAST * column.noise) {
+            return false;
+        }
+        // Half rows are as fine as it sees.
+        let most = 0.9 * place.tolerance;
+        let row = place.floor_row + (like.offset + ridge.offset).clamp(-most, most);
+        column.peak = Some(Peak { row, contrast: ridge.height, rise: ridge.height, width: like.width });
+        column.pooled = Some(true);
+        true
+    }
+
+    /// Sees the column by its clipped core, if it has one; true if the stripe is there.
+    fn read_clipped<S: RowSearch>(
+        &mut self,
+        signal: S,
+        grid: &Grid,
+        index: usize,
+        like: &Neighbours,
+    ) -> bool {
+        let (place, column) = (&grid.columns()[index], &mut self.columns[index]);
+        let Some(core) =
+            clipped::core(signal, grid.first() + index, place.floor_row + like.offset, like.width)
+        else {
+            return false;
+        };
+        if (core - place.floor_row).abs() > place.tolerance {
+            return false;
+        }
+        column.peak =
+            Some(Peak { row: core, contrast: like.contrast, rise: like.contrast, width: like.width });
+        column.pooled = Some(true);
+        true
+    }
+
     fn explain<S: RowSearch>(&mut self, signal: S, grid: &Grid, index: usize, like: &Neighbours) {
         let Some(samples) = measure::explained_rows(signal, grid, index) else { return };
         let (place, column) = (&grid.columns()[index], &mut self.columns[index]);
@@ -102,6 +213,7 @@ impl FloorFinder {
             && self.edges.is_nowhere_else(&samples, &explanation, offset, place.tolerance.max(1.0))
         {
             column.peak = Some(like.expected(place, explanation.ridge, column.rise));
+            column.pooled = None;
         }
         if explanation.may_hide(least, offset) {
             column.hidden = Some(

@@ -1,0 +1,164 @@
+//! A stripe that the edge of a paint crosses, seen along that edge.
+//!
+//! Straight down a column, an edge within the stripe's own rows is a step that hides the ridge. Along the edge there is
+//! no step: what lies beside the stripe in that direction is of the same mixture of paint and floor as what the stripe
+//! falls on. So the column is read along the direction in which the rows beside the stripe are most alike, through the
+//! column's own point of the stripe. Edges of paints and tiles are straight for longer than this looks aside.
+
+use super::strip::{MOST_ASIDE, Strip};
+use crate::vision::ridge::Kernel;
+
+/// Directions that are tried, columns to a row.
+const SLANTS: [f32; 25] = [
+    0.0, 0.5, -0.5, 1.0, -1.0, 1.5, -1.5, 2.0, -2.0, 2.75, -2.75, 3.75, -3.75, 5.0, -5.0, 6.5, -6.5, 8.5,
+    -8.5, 11.0, -11.0, 14.0, -14.0, 18.0, -18.0,
+];
+/// Columns to both sides that a direction may need.
+pub const COLUMNS_ASIDE: usize = 18 * (MOST_NEAR + MOST_LENGTH);
+/// A better direction is looked for between those so many times, halving the distance.
+const REFINEMENTS: usize = 3;
+/// Most rows to each side that belong to the stripe.
+const MOST_NEAR: usize = 9;
+/// Most rows of background on each side.
+const MOST_LENGTH: usize = 6;
+const MOST_ROWS: usize = 2 * (MOST_NEAR + MOST_LENGTH) + 1;
+/// The ridge must be so many times as high as what it leaves unexplained along the direction (root mean square).
+const LEAST_OF_REST: f32 = 5.0;
+/// Rows by which the ridge is tried elsewhere, and how far.
+const STEP_ROWS: f32 = 0.25;
+const STEPS: i16 = 8;
+
+/// A column's ridge, read along an edge.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SlantedRidge {
+    /// Height over the background.
+    pub height: f32,
+    /// Rows below the floor's row.
+    pub offset: f32,
+}
+
+/// What a stripe looks like: width at half of its height, rows, and where it is looked for.
+#[derive(Debug, Clone, Copy)]
+pub struct Expected {
+    /// Rows.
+    pub width: f32,
+    /// The middle, rows below the strip's middle row.
+    pub offset: f32,
+    /// Farthest from there, rows.
+    pub tolerance: f32,
+}
+
+/// A column's rows, read along one direction.
+#[derive(Debug, Clone, Copy)]
+struct Reading {
+    rows: [f32; MOST_ROWS],
+    far: usize,
+    middle: isize,
+}
+
+/// A constant and a ridge, fitted to all rows.
+#[derive(Debug, Clone, Copy)]
+struct Fit {
+    height: f32,
+    /// Squared error per row.
+    rest: f32,
+}
+
+impl Reading {
+    fn new(expected: &Expected) -> Self {
+        let kernel = Kernel::for_width(expected.width);
+        let far = kernel.near.min(MOST_NEAR) + kernel.length().clamp(2, MOST_LENGTH);
+        Self { rows: [0.0; MOST_ROWS], far, middle: expected.offset.round() as isize }
+    }
+
+    /// Reads along a direction; false where the strip ends before.
+    fn read(&mut self, strip: &Strip, column: usize, slant: f32) -> bool {
+        let far = self.far as isize;
+        let columns = strip.columns() as isize;
+        let most = (slant.abs() * far as f32).ceil() as isize;
+        let ends = self.middle.abs() + far > MOST_ASIDE as isize;
+        if ends || (column as isize) < most || column as isize + most >= columns {
+            return false;
+        }
+        for aside in -far..=far {
+            let at = column as f32 + slant * aside as f32;
+            let lower = at.floor();
+            let share = at - lower;
+            let row = strip.row(self.middle + aside);
+            let one = f32::from(row[lower as usize]);
+            let other = row.get(lower as usize + 1).copied().map_or(one, f32::from);
+            self.rows[(aside + far) as usize] = one + share * (other - one);
+        }
+        true
+    }
+
+    /// Fits a ridge of this width, `offset` rows below the middle.
+    fn fit(&self, width: f32, offset: f32) -> Fit {
+        let deviation = width.clamp(1.5, 18.0) / 2.355;
+        let rows = &self.rows[..=2 * self.far];
+        let count = rows.len() as f32;
+        let [mut sum, mut square, mut bells, mut bells_square, mut product] = [0.0_f32; 5];
+        for (index, value) in rows.iter().enumerate() {
+            let distance = (index as f32 - self.far as f32 - offset) / deviation;
+            let bell = (-0.5 * distance * distance).exp();
+            sum += value;
+            square += value * value;
+            bells += bell;
+            bells_square += bell * bell;
+            product += bell * value;
+        }
+        let covariance = product - bells * sum / count;
+        let height = (covariance / (bells_square - bells * bells / count).max(1e-3)).max(0.0);
+        let rest = square - sum * sum / count - height * covariance;
+        Fit { height, rest: rest.max(0.0) / count }
+    }
+}
+
+/// The ground above and below a stripe of this width in one column.
+pub fn grounds(strip: &Strip, column: usize, width: f32) -> [f32; 2] {
+    let kernel = Kernel::for_width(width);
+    let near = kernel.near.min(MOST_NEAR) as isize;
+    let length = kernel.length().clamp(2, MOST_LENGTH) as isize;
+    [-1, 1].map(|sign| {
+        (near..near + length).map(|aside| strip.value(column, sign * aside)).sum::<f32>() / length as f32
+    })
+}
+
+/// The ridge of a column, if there is one that is believed.
+pub fn read(strip: &Strip, column: usize, expected: &Expected) -> Option<SlantedRidge> {
+    let fraction = expected.offset - expected.offset.round();
+    let mut reading = Reading::new(expected);
+    // The direction in which a stripe at its place explains most; a direction across the edge leaves a rest.
+    let mut best: Option<(f32, f32)> = None;
+    let mut try_slant = |slant: f32, best: &mut Option<(f32, f32)>| {
+        if reading.read(strip, column, slant) {
+            let fit = reading.fit(expected.width, fraction);
+            if best.is_none_or(|(least, _)| fit.rest < least) {
+                *best = Some((fit.rest, slant));
+            }
+        }
+    };
+    for slant in SLANTS {
+        try_slant(slant, &mut best);
+    }
+    let (_, mut slant) = best?;
+    let mut step = (0.15 * slant.abs()).max(0.25);
+    for _ in 0..REFINEMENTS {
+        for next in [slant - step, slant + step] {
+            try_slant(next, &mut best);
+        }
+        (slant, step) = (best?.1, step / 2.0);
+    }
+    reading.read(strip, column, slant).then_some(())?;
+    let (mut offset, mut fit) = (0.0, reading.fit(expected.width, fraction));
+    for number in -STEPS..=STEPS {
+        let other = f32::from(number) * STEP_ROWS;
+        let there = reading.fit(expected.width, fraction + other);
+        if there.rest < fit.rest {
+            (offset, fit) = (other, there);
+        }
+    }
+    let sure = fit.height >= LEAST_OF_REST * fit.rest.sqrt();
+    (sure && offset.abs() <= expected.tolerance.max(2.0 * STEP_ROWS))
+        .then_some(SlantedRidge { height: fit.height, offset })
+}
