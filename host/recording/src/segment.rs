@@ -55,7 +55,7 @@ impl Segment {
     /// The output refuses.
     pub fn begin(output: Box<dyn Output>) -> mcap::McapResult<Self> {
         let output = Shared(Arc::new(Mutex::new(output)));
-        let compression = cfg!(feature = "compression").then(|| compression()).flatten();
+        let compression = cfg!(feature = "compression").then(compression).flatten();
         // Without seeking a chunk is put together in memory and written whole.
         let options = WriteOptions::new()
             .library(concat!("nearfield ", env!("CARGO_PKG_VERSION")))

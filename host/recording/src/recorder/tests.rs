@@ -243,7 +243,7 @@ fn a_full_disk_stops_the_recording_which_says_so_and_what_is_there_stays_readabl
     let cut = Recording::open(&path).unwrap();
     assert!(cut.configuration().is_some() && cut.records().len() > 100, "{}", cut.records().len());
     assert!(!cut.is_complete());
-    assert_eq!(recovery::complete_all(&folder).unwrap(), [path.clone()]);
+    assert_eq!(recovery::complete_all(&folder).unwrap(), std::slice::from_ref(&path));
     let whole = Recording::open(&path).unwrap();
     assert!(whole.is_complete() && whole.records().len() == cut.records().len());
     assert!(recovery::complete_all(&folder).unwrap().is_empty(), "once is enough");
