@@ -46,6 +46,17 @@ impl PaintedBoard {
         }
     }
 
+    /// Are all squares in the picture?
+    fn is_whole_in(&self, camera: &Camera, size: ImageSize) -> bool {
+        let [x, y] = self.corners.map(|corners| self.square_mm * f64::from(corners + 1) / 2.0);
+        [(-x, -y), (x, -y), (x, y), (-x, y)].into_iter().all(|(x, y)| {
+            camera.project(Vector::new(x, y, 0.0)).is_some_and(|seen| {
+                (0.0..f64::from(size.width)).contains(&seen.u)
+                    && (0.0..f64::from(size.height)).contains(&seen.v)
+            })
+        })
+    }
+
     /// A picture, row by row, of the board lying in the plane z = 0 around the origin of the camera's world.
     #[must_use]
     pub fn render(&self, camera: &Camera, size: ImageSize, seed: u64) -> Vec<u8> {
@@ -118,11 +129,24 @@ pub fn lens_views(lens: &Intrinsics, size: ImageSize, board: &PaintedBoard) -> V
             let rows = f64::from(size.height) / f64::from(size.width);
             let room_down = (rows - share * 0.95).max(0.0) * half_view * far;
             let (tilt, turn) = TURNS[index % TURNS.len()];
-            let place = Vector::new(across * room, down * room_down, far);
-            facing(*lens, [tilt, turn, 0.12 * index as f64], place)
+            let turns = [tilt, turn, 0.12 * index as f64];
+            let mut place = Vector::new(across * room, down * room_down, far);
+            let mut camera = facing(*lens, turns, place);
+            // Nearer to the middle and farther away until the whole board is in the picture.
+            for _ in 0..MOST_RETREATS {
+                if board.is_whole_in(&camera, size) {
+                    break;
+                }
+                place = Vector::new(place.x * 0.97, place.y * 0.97, place.z * 1.01);
+                camera = facing(*lens, turns, place);
+            }
+            camera
         })
         .collect()
 }
+
+/// A view is moved so often at the most; by then the board is a point in the middle.
+const MOST_RETREATS: u32 = 200;
 
 /// A camera that sees the board's printed side at `place` of its own frame, turned by angles about x, y and z (radians).
 fn facing(lens: Intrinsics, [tilt, turn, roll]: [f64; 3], place: Vector) -> Camera {
