@@ -180,12 +180,28 @@ fn a_termination_signal_ends_the_run_and_its_recording_cleanly() {
     assert_eq!((code, &lines[0]["cut_off"]), (Some(0), &0.into()), "{lines:?}");
 }
 
-/// A run killed at a random moment, `kills` times into the same folder.
-fn killed(kills: u32, seed: u64) {
-    println!("seed {seed}");
+/// A number that a person may give.
+fn number(name: &str, default: u64) -> u64 {
+    std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
+}
+
+/// The newest file of the recordings.
+fn newest(folder: &Path) -> Option<String> {
+    let entries = std::fs::read_dir(folder.join("recordings")).ok()?;
+    let mut paths: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    Some(paths.last()?.display().to_string())
+}
+
+/// Runs killed at random moments, one after the other, into the same folder. Each recording is replayed as its death left it, and
+/// all of them at the end, when later starts have completed them.
+fn killed(kills: u64, seed: u64) {
+    println!("{kills} kills, seed {seed}");
     let folder = robot(SMALL);
     let mut state = seed;
-    for kill in 0..kills {
+    let (mut cut_off, mut replies) = (0, 0);
+    for kill in 1..=kills {
+        let before = newest(folder.path());
         let mut child = start(folder.path(), &["--no-page"]);
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         // From before the first chunk is out to some chunks later.
@@ -193,21 +209,55 @@ fn killed(kills: u32, seed: u64) {
         std::thread::sleep(wait);
         child.kill().unwrap();
         child.wait().unwrap();
-        // Cut off as it is, and with all earlier ones, which the next start has completed.
-        let entries = std::fs::read_dir(folder.path().join("recordings"));
-        let some = entries.is_ok_and(|entries| entries.count() > 0);
-        if !some {
-            continue;
+        let Some(left) = newest(folder.path()).filter(|path| Some(path) != before.as_ref()) else { continue };
+        let output = nearfield(&["replay", &left, "--json"]);
+        // Nothing may be whole in it yet; that is said, and is no difference.
+        let empty = text(&output.stderr).contains("breaks off before anything was recorded");
+        let lines = text(&output.stdout);
+        let told: Vec<serde_json::Value> =
+            lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+        let sound = told.iter().all(|line| line["same"] == true || line["replies"] == 0);
+        assert!(
+            sound && (empty || !told.is_empty()),
+            "kill {kill} after {wait:?}: {lines}{}",
+            text(&output.stderr)
+        );
+        cut_off += told.iter().map(|line| line["cut_off"].as_u64().unwrap()).sum::<u64>();
+        replies += told.iter().map(|line| line["replies"].as_u64().unwrap()).sum::<u64>();
+        if kill % 20 == 0 {
+            println!(
+                "  {kill} killed, {cut_off} recordings cut off, {replies} replies asked again, all the same"
+            );
         }
-        let (code, lines) = replayed(&recordings(folder.path()));
-        let told: Vec<_> = lines.iter().filter(|line| line["same"] != true && line["replies"] != 0).collect();
-        assert!(told.is_empty(), "kill {kill} after {wait:?} (exit code {code:?}): {told:?}");
-        assert!(lines.iter().filter(|line| line["cut_off"] != 0).count() <= 1, "earlier ones were completed");
     }
+    // One more start completes the last one; nothing is lost by that.
+    nearfield(&[
+        "run",
+        "--config",
+        &file(folder.path()),
+        "--record",
+        &recordings(folder.path()),
+        "--no-page",
+        "--seconds",
+        "1",
+    ]);
     let (_, lines) = replayed(&recordings(folder.path()));
+    let different: Vec<_> =
+        lines.iter().filter(|line| line["same"] != true && line["replies"] != 0).collect();
+    assert!(different.is_empty(), "{different:?}");
+    assert!(lines.iter().all(|line| line["cut_off"] == 0), "all were completed: {lines:?}");
     let decided = lines.iter().filter(|line| line["replies"].as_u64().unwrap() > 0).count();
-    assert!(decided > 0, "all were killed too early: {lines:?}");
-    println!("{decided} of {kills} runs had decisions recorded; all are the same");
+    let again: u64 = lines.iter().map(|line| line["replies"].as_u64().unwrap()).sum();
+    assert!(
+        decided > 1 && again >= replies,
+        "{decided} with decisions, {replies} replies before, {again} now"
+    );
+    println!(
+        "{kills} kills: {cut_off} recordings cut off, {} of {} runs with decisions; as the kill left them {replies} replies, \
+         completed {again} replies, all the same",
+        decided - 1,
+        lines.len() - 1
+    );
 }
 
 #[test]
@@ -215,11 +265,11 @@ fn recordings_survive_being_killed() {
     killed(4, 20);
 }
 
-/// `cargo test -p nearfield-host --test run_command -- --ignored two_hundred --nocapture`
+/// `cargo xtask kills`
 #[test]
 #[ignore = "ten minutes"]
 fn recordings_survive_being_killed_two_hundred_times() {
-    killed(200, 6);
+    killed(number("NEARFIELD_KILLS", 200), number("NEARFIELD_KILLS_SEED", 6));
 }
 
 #[cfg(unix)]
@@ -255,4 +305,109 @@ fn the_doctor_looks_at_this_computer() {
     let sound = rows.iter().all(|row| row["verdict"] == "sound" || row["verdict"] == "warning");
     assert_eq!(output.status.code(), Some(i32::from(!sound)));
     assert!(rows.iter().all(|row| !row["name"].as_str().unwrap().is_empty()));
+}
+
+/// Two zones; the fast case protects both, the slow one only A.
+const ZONES: &str = "\
+[[zone]]\nname = \"A\"\nstart_mm = -250\nend_mm = 0\n\
+[[zone]]\nname = \"B\"\nstart_mm = 0\nend_mm = 250\n\
+[[case]]\nup_to_mm_s = 300\nprotective = [\"A\"]\n\
+[[case]]\nup_to_mm_s = 1000\nprotective = [\"A\", \"B\"]\n";
+
+/// Every decision of all recordings, in order.
+fn decisions(folder: &Path) -> Vec<nearfield_recording::messages::DecisionMessage> {
+    let mut paths: Vec<_> =
+        std::fs::read_dir(folder.join("recordings")).unwrap().map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    let mut decisions = Vec::new();
+    for path in paths {
+        let recording = nearfield_recording::Recording::open(&path).unwrap();
+        for (_, record) in recording.records() {
+            if let nearfield_recording::reader::Record::Decision(decision) = record {
+                decisions.push(decision.clone());
+            }
+        }
+    }
+    decisions
+}
+
+#[test]
+fn the_robots_speed_selects_the_case_and_its_silence_selects_all() {
+    // A port that is free now.
+    let port = std::net::UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let speed = format!("[speed]\nsource = \"udp\"\nlisten = \"127.0.0.1:{port}\"\nlongest_age_ms = 300\n");
+    let folder = robot(&format!("{SMALL}source = \"twin-loop\"\n{speed}{ZONES}"));
+    let mut child = start(folder.path(), &["--no-page"]);
+    wait_for_bytes(folder.path(), 20_000);
+    let robot = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    for _ in 0..200 {
+        robot.send_to(b"200", ("127.0.0.1", port)).unwrap();
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    std::thread::sleep(Duration::from_secs(2));
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    let told = decisions(folder.path());
+    let roles = |decision: &nearfield_recording::messages::DecisionMessage| -> String {
+        decision.zones.iter().map(|zone| format!("{} {}, ", zone.name, zone.role)).collect()
+    };
+    let (slow, unknown): (Vec<_>, Vec<_>) = told.iter().partition(|decision| decision.speed_mm_s.is_some());
+    assert!(!slow.is_empty() && !unknown.is_empty(), "{} slow, {} unknown", slow.len(), unknown.len());
+    for decision in slow {
+        let seen = (decision.speed_mm_s, decision.case, roles(decision));
+        assert_eq!(seen, (Some(200.0), Some(1), "A protective, B named, ".to_owned()));
+    }
+    for decision in unknown {
+        assert_eq!((decision.case, roles(decision)), (None, "A protective, B protective, ".to_owned()));
+    }
+    assert!(told.last().unwrap().speed_mm_s.is_none(), "a silent robot's speed is not known");
+}
+
+#[test]
+fn a_zone_says_where_the_stripe_is_cut_and_one_beyond_it_is_refused() {
+    let zones = "[[zone]]\nname = \"C\"\nstart_mm = -280\nend_mm = -240\n[[zone]]\nname = \"D\"\nstart_mm = -60\nend_mm = 60\n";
+    let folder = robot(&format!("{SMALL}input = \"box_45\"\n{zones}"));
+    let arguments = ["run", "--config", &file(folder.path()), "--seconds", "1", "--fast", "--no-page"];
+    let run = nearfield(&[&arguments[..], &["--record", &recordings(folder.path())]].concat());
+    assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
+    let told = decisions(folder.path());
+    let last = told.last().unwrap();
+    let findings: Vec<_> = last.zones.iter().map(|zone| (zone.name, zone.finding.as_str())).collect();
+    assert_eq!(findings, [('C', "free"), ('D', "infringed")]);
+    assert_eq!((last.verdict.as_str(), last.advice.as_deref()), ("stop", Some("stop_and_warn")));
+    let beyond = robot(&format!("{SMALL}{}", zones.replace("-280", "-2800")));
+    let run = nearfield(&["run", "--config", &file(beyond.path()), "--seconds", "1", "--fast"]);
+    assert_eq!(run.status.code(), Some(2));
+    assert!(text(&run.stderr).contains("zone C reaches from -2800"), "{}", text(&run.stderr));
+    let checked = nearfield(&["config", "check", &file(beyond.path())]);
+    assert_eq!(checked.status.code(), Some(2));
+}
+
+#[test]
+fn something_that_comes_and_goes_is_a_stop_with_its_zone_and_the_robot_may_go_on_after_the_button() {
+    let scene = "[[objects]]\nname = \"box\"\nmaterial = \"cardboard\"\nacross_mm = 420.0\n\
+                 velocity_mm_per_s = [0.0, -150.0]\n\
+                 shape = { kind = \"box\", width_mm = 120.0, depth_mm = 60.0, height_mm = 45.0 }\n";
+    let zone = "[[zone]]\nname = \"E\"\nstart_mm = -100\nend_mm = 100\n";
+    let folder = robot("");
+    let path = folder.path().join("scene.toml");
+    std::fs::write(&path, scene).unwrap();
+    let configuration = format!("{SMALL}input = \"{}\"\n{zone}", path.display());
+    std::fs::write(folder.path().join("nearfield.toml"), configuration).unwrap();
+    let arguments = ["run", "--config", &file(folder.path()), "--seconds", "7", "--fast", "--no-page"];
+    let run = nearfield(&[&arguments[..], &["--record", &recordings(folder.path())]].concat());
+    assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
+    let told = decisions(folder.path());
+    let closed: Vec<bool> = told.iter().map(|decision| decision.relay == "closed").collect();
+    let changes = closed.windows(2).filter(|two| two[0] != two[1]).count();
+    assert_eq!((changes, closed.last()), (3, Some(&true)), "closed, opened for the box, closed again");
+    let stop = closed.windows(2).position(|two| two[0] && !two[1]).unwrap() + 1;
+    assert_eq!(told[stop].zones[0].finding, "infringed", "{:?}", told[stop]);
+    // Recorded in full: the controller decides all of it again.
+    let (code, lines) = replayed(&recordings(folder.path()));
+    assert_eq!(
+        (code, &lines[0]["same"], &lines[0]["stops"]),
+        (Some(0), &true.into(), &1.into()),
+        "{lines:?}"
+    );
 }

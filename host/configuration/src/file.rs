@@ -6,7 +6,8 @@ use toml::Table;
 
 use crate::reader::{Problem, Problems, Section};
 use crate::sections::{
-    self, Camera, Detector, Field, Module, Page, Profile, RealTime, Recording, Robot, SpeedCase, Spi, Zone,
+    self, Camera, Detector, Field, Module, Page, Profile, RealTime, Recording, Robot, SpeedCase, SpeedInput,
+    Spi, Zone,
 };
 
 /// Everything that the host is told.
@@ -34,6 +35,8 @@ pub struct Configuration {
     pub robot: Robot,
     /// Named stretches of the stripe.
     pub zones: Vec<Zone>,
+    /// How fast the robot is, as an input.
+    pub speed: SpeedInput,
     /// Zones by speed, slowest first.
     pub cases: Vec<SpeedCase>,
 }
@@ -142,6 +145,7 @@ impl Configuration {
             real_time: sections::real_time(&root.section("real_time")),
             robot,
             zones,
+            speed: sections::speed_input(&root.section("speed")),
             cases,
         };
         root.finish();

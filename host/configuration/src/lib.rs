@@ -13,6 +13,6 @@ mod sections;
 pub use file::{Configuration, ConfigurationError};
 pub use reader::Problem;
 pub use sections::{
-    Camera, CaseInput, Detector, Field, LinkKind, Module, Page, Profile, RealTime, Recording, Robot, Source,
-    SpeedCase, Spi, Zone,
+    Camera, Detector, Field, LinkKind, Module, Page, Profile, RealTime, Recording, Robot, Source, SpeedCase,
+    SpeedInput, SpeedSource, Spi, Zone,
 };

@@ -1,6 +1,7 @@
 //! Reads TOML tables field by field and collects what is wrong, instead of ending at the first error.
 
 use std::cell::RefCell;
+use std::net::{Ipv4Addr, SocketAddr};
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
@@ -170,6 +171,15 @@ impl<'a> Section<'a> {
     /// A path; `None` if it is not given.
     pub(crate) fn path(&self, key: &'static str) -> Option<PathBuf> {
         self.optional_text(key).map(PathBuf::from)
+    }
+
+    /// An address and a port; this computer's own address with this port if it is not given.
+    pub(crate) fn address(&self, key: &'static str, port: u16) -> SocketAddr {
+        let default = SocketAddr::new(Ipv4Addr::LOCALHOST.into(), port);
+        self.text(key, &default.to_string()).parse().unwrap_or_else(|_| {
+            self.object(key, format!("must be an address and a port, for instance \"{default}\""));
+            default
+        })
     }
 
     /// A list of texts.

@@ -19,6 +19,8 @@ pub struct Module {
 pub enum Source {
     /// The built-in renderer.
     Twin,
+    /// Pictures of the built-in renderer, made at the start and shown again and again.
+    TwinLoop,
     /// A folder of pictures, again and again.
     Replay,
     /// `rpicam-vid` writes YUV420 into a pipe.
@@ -27,6 +29,21 @@ pub enum Source {
     Command,
     /// libcamera itself (needs the feature `libcamera`).
     Libcamera,
+}
+
+impl Source {
+    /// Its name in the file.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Twin => "twin",
+            Self::TwinLoop => "twin-loop",
+            Self::Replay => "replay",
+            Self::RpicamVid => "rpicam-vid",
+            Self::Command => "command",
+            Self::Libcamera => "libcamera",
+        }
+    }
 }
 
 /// How pictures are taken.
@@ -98,8 +115,10 @@ pub struct Zone {
     pub start_mm: f64,
     /// Last stripe coordinate, millimetres.
     pub end_mm: f64,
-    /// What it does.
+    /// What it does, unless cases say so.
     pub field: Field,
+    /// Tier 3: what begins no farther behind the stripe than this is in the zone, too, millimetres.
+    pub ahead_mm: f64,
 }
 
 /// What an interruption in a zone asks for. The controller's own field is always the whole stripe.
@@ -111,13 +130,24 @@ pub enum Field {
     Warning,
 }
 
-/// Which inputs select a case.
+/// How the host learns how fast the robot is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum CaseInput {
-    /// The robot's own speed.
-    Speed,
-    /// A number on the robot's interface.
-    Selected,
+pub enum SpeedSource {
+    /// Not at all: all cases are in force together.
+    None,
+    /// The robot sends it, one number in a UDP datagram.
+    Udp,
+}
+
+/// The robot's speed, as an input that selects a case.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SpeedInput {
+    /// Where it comes from.
+    pub source: SpeedSource,
+    /// Where datagrams are taken.
+    pub listen: SocketAddr,
+    /// An older speed is none, milliseconds.
+    pub longest_age_ms: u32,
 }
 
 /// Zones by speed.
@@ -211,6 +241,7 @@ pub(crate) fn camera(section: &Section<'_>) -> Camera {
         Source::Twin,
         &[
             ("twin", Source::Twin),
+            ("twin-loop", Source::TwinLoop),
             ("replay", Source::Replay),
             ("rpicam-vid", Source::RpicamVid),
             ("command", Source::Command),
@@ -278,8 +309,21 @@ pub(crate) fn zone(section: &Section<'_>) -> Zone {
         Field::Protective,
         &[("protective", Field::Protective), ("warning", Field::Warning)],
     );
+    let ahead_mm = section.number("ahead_mm", 400.0, 0.0..=2000.0, "millimetres");
     section.finish();
-    Zone { name, start_mm, end_mm, field }
+    Zone { name, start_mm, end_mm, field, ahead_mm }
+}
+
+pub(crate) fn speed_input(section: &Section<'_>) -> SpeedInput {
+    let source = section.choice(
+        "source",
+        SpeedSource::None,
+        &[("none", SpeedSource::None), ("udp", SpeedSource::Udp)],
+    );
+    let listen = section.address("listen", 8034);
+    let longest_age_ms = section.whole("longest_age_ms", 500, 20..=5000, "milliseconds");
+    section.finish();
+    SpeedInput { source, listen, longest_age_ms }
 }
 
 pub(crate) fn speed_case(section: &Section<'_>, zones: &[Zone]) -> SpeedCase {
@@ -324,12 +368,7 @@ pub(crate) fn recording(section: &Section<'_>) -> Recording {
 }
 
 pub(crate) fn page(section: &Section<'_>) -> Page {
-    const DEFAULT: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 8033);
-    let text = section.text("listen", &DEFAULT.to_string());
-    let listen = text.parse().unwrap_or_else(|_| {
-        section.object("listen", "must be an address and a port, for instance \"127.0.0.1:8033\"");
-        DEFAULT
-    });
+    let listen = section.address("listen", 8033);
     let token_file = section.path("token_file");
     section.finish();
     Page { listen, token_file }

@@ -90,7 +90,9 @@ function showProfile(profile, status) {
   const y = (height) => 205 - (Math.max(-20, height) / top) * 190;
   const parts = [];
   for (const zone of about?.zones ?? []) {
-    parts.push(shape("rect", { class: "zone", x: x(zone.start_mm), y: 0, width: x(zone.end_mm) - x(zone.start_mm), height: 240 }));
+    const now = status.zones.find((one) => one.name === zone.name);
+    const kind = now ? `zone ${now.role} ${now.finding}` : "zone";
+    parts.push(shape("rect", { class: kind, x: x(zone.start_mm), y: 0, width: x(zone.end_mm) - x(zone.start_mm), height: 240 }));
   }
   parts.push(shape("path", { class: "grid", d: `M0 ${y(0)}H800` }));
   parts.push(shape("path", { class: "limit", d: `M0 ${y(50)}H800` }));
@@ -106,6 +108,29 @@ function showProfile(profile, status) {
   const gap = status.longest_gap_mm === 0 ? "whole" : `longest gap ${millimetres(status.longest_gap_mm)}`;
   const high = status.highest_mm === null ? "nothing raised" : `highest point ${millimetres(status.highest_mm)}`;
   set("profile-words", `${first.toFixed(0)} to ${last.toFixed(0)} mm along the stripe: ${gap}, ${high}. Dashed: 50 mm.`);
+}
+
+const FINDINGS = { free: "free", suspect: "something narrow", infringed: "something is there" };
+const ROLES = { named: "only named", warning: "warning field", protective: "protective field" };
+
+function showZones(status) {
+  const list = find("zones");
+  list.hidden = status.zones.length === 0;
+  const rows = status.zones.map((zone) => ({ ...zone, text: `${zone.name}, ${ROLES[zone.role]}: ${FINDINGS[zone.finding]}` }));
+  const told = rows.map((row) => row.text).join("|");
+  if (list.dataset.told !== told) {
+    list.dataset.told = told;
+    list.replaceChildren(...rows.map((row) => {
+      const item = document.createElement("li");
+      item.className = `${row.role} ${row.finding}`;
+      item.textContent = row.text;
+      return item;
+    }));
+  }
+  find("case-words").hidden = about.cases === 0;
+  const speed = status.speed_mm_s === null ? "The robot's speed is not known" : `The robot's speed: ${status.speed_mm_s.toFixed(0)} mm/s`;
+  const chosen = status.case === null ? "all cases are in force together" : `case ${status.case} of ${about.cases} is in force`;
+  set("case-words", `${speed}; ${chosen}.`);
 }
 
 function showPicture(live) {
@@ -156,6 +181,8 @@ function showStops(stops) {
   }));
 }
 
+const ADVICE = { run_over: "drive over it, slower", go_around: "stop, then go around", stop_and_warn: "stop, warn and wait" };
+
 function showFigures(status) {
   const { counts, latency, recording } = status;
   const [age, longest, bound] = status.decision_age_ms;
@@ -165,6 +192,7 @@ function showFigures(status) {
     ["Host, picture to status: half, 99 %, longest", `${latency.p50_ms.toFixed(1)}, ${latency.p99_ms.toFixed(1)}, ${latency.longest_ms.toFixed(1)} ms`],
     ["Light to decision: last, longest, bound", `${age.toFixed(0)}, ${longest.toFixed(0)}, ${bound.toFixed(0)} ms`],
     ["Permitted speed", `${status.permitted_speed_percent} %`],
+    ["Advice to the robot", ADVICE[status.advice] ?? "drive on"],
     ["Pictures, missing", `${counts.pictures}, ${counts.missing}`],
     ["Line-scans accepted, refused, lost", `${counts.accepted}, ${counts.refused}, ${counts.lost}`],
     ["Camera opened again", `${counts.restarts}`],
@@ -233,6 +261,7 @@ async function turn() {
     set("connection", "live");
     showState(live.status);
     showProfile(live.profile, live.status);
+    showZones(live.status);
     showPicture(live);
     showStops(live.stops);
     showFigures(live.status);

@@ -74,6 +74,7 @@ impl Metrics<'_> {
         text.sample("build_info", &labels, 1.0);
         self.relays(&mut text);
         self.counts(&mut text);
+        self.fields(&mut text);
         self.measured(&mut text);
         self.latency(&mut text);
         text.0
@@ -99,6 +100,29 @@ impl Metrics<'_> {
         text.head("stops_by_cause_total", "counter", "Stops with this cause; one stop may have several.");
         for (cause, count) in StopCause::ALL.iter().zip(self.stops) {
             text.sample("stops_by_cause_total", &format!("{{cause=\"{}\"}}", cause.name()), *count as f64);
+        }
+    }
+
+    fn fields(&self, text: &mut Text) {
+        text.head(
+            "zone_infringed",
+            "gauge",
+            "1 = a cut, or something ahead, is in this zone; 0.5 = suspect.",
+        );
+        for zone in &self.status.zones {
+            let labels = format!("{{zone=\"{}\",field=\"{}\"}}", zone.name, zone.role);
+            let value = match zone.finding {
+                "free" => 0.0,
+                "suspect" => 0.5,
+                _ => 1.0,
+            };
+            text.sample("zone_infringed", &labels, value);
+        }
+        let case = f64::from(self.status.case.unwrap_or(0));
+        text.one("case", "gauge", "The case in force, from 1; 0 = there are none, or all are.", case);
+        text.head("robot_speed_millimetres_per_second", "gauge", "As the robot tells it; none = not known.");
+        if let Some(speed) = self.status.speed_mm_s {
+            text.sample("robot_speed_millimetres_per_second", "", f64::from(speed));
         }
     }
 

@@ -4,12 +4,14 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use nearfield_recording::messages::nanoseconds;
+use nearfield_fields::Report;
+use nearfield_recording::messages::{action_name, nanoseconds};
 use nearfield_recording::recorder::Watch;
 use nearfield_recording::{Decision, Detections, Event, Picture, Stamped};
+use nearfield_shared::action::Action;
 use nearfield_shared::causes::{StopCause, StopCauses};
 use nearfield_shared::columns::{Decimation, GeometryError, StripeGeometry};
-use nearfield_shared::limits::LARGEST_COLUMN_COUNT;
+use nearfield_shared::limits::{FLOOR_TOLERANCE, LARGEST_COLUMN_COUNT};
 use nearfield_shared::linescan::LineScan;
 use nearfield_shared::rig::Rig;
 use nearfield_shared::status::{Status, Warnings};
@@ -20,6 +22,7 @@ use crate::metrics::{Histogram, Metrics};
 use crate::tally::Tally;
 use crate::view::{
     Counts, Latency, Live, Named, Object, PictureView, Profile, Recording, Status as StatusView, Stop,
+    ZoneNow,
 };
 
 /// A part of the response time.
@@ -80,6 +83,8 @@ pub struct About {
     pub capability: Vec<Smallest>,
     /// Named stretches.
     pub zones: Vec<ZoneView>,
+    /// How many cases there are.
+    pub cases: usize,
     /// Does somebody hold a token for remarks?
     pub takes_remarks: bool,
 }
@@ -133,6 +138,9 @@ pub struct Model {
     now: Micros,
     status: Option<(Instant, Status)>,
     relay_closed: Option<bool>,
+    fields: Report,
+    advice: Option<Action>,
+    tells_heights: bool,
     profile: Profile,
     scan: Vec<Option<f32>>,
     latencies: VecDeque<f64>,
@@ -171,6 +179,9 @@ impl Model {
             now: Micros::ZERO,
             status: None,
             relay_closed: None,
+            fields: Report::default(),
+            advice: None,
+            tells_heights: true,
             profile: Profile::default(),
             scan: Vec::new(),
             latencies: VecDeque::with_capacity(KEPT_LATENCIES),
@@ -183,6 +194,12 @@ impl Model {
             detections: None,
             missed: 0,
         })
+    }
+
+    /// Profile "cutoff": where the stripe is cut is told, heights are not.
+    #[must_use]
+    pub fn without_heights(self) -> Self {
+        Self { tells_heights: false, ..self }
     }
 
     /// Events that the queue had no room for so far.
@@ -226,6 +243,7 @@ impl Model {
             self.stop();
         }
         self.relay_closed = Some(decision.relay_closed);
+        (self.fields, self.advice) = (decision.fields, decision.advice);
     }
 
     fn stop(&mut self) {
@@ -247,7 +265,7 @@ impl Model {
             longest_gap_mm: status
                 .and_then(|status| status.longest_gap)
                 .map_or(0.0, |gap| gap.length().get()),
-            highest_mm: status.and_then(|status| status.highest).map(|highest| highest.height.get()),
+            highest_mm: self.highest(status.as_ref()),
             recording: self.recording.as_ref().map(|watch| watch.state().file).unwrap_or_default(),
         });
     }
@@ -308,9 +326,16 @@ impl Model {
             longest_gap_mm: status
                 .and_then(|status| status.longest_gap)
                 .map_or(0.0, |gap| gap.length().get()),
-            highest_mm: status.and_then(|status| status.highest).map(|highest| highest.height.get()),
-            lowest_mm: status.and_then(|status| status.lowest).map(|lowest| lowest.get()),
+            highest_mm: self.highest(status),
+            lowest_mm: status
+                .filter(|_| self.tells_heights)
+                .and_then(|status| status.lowest)
+                .map(|lowest| lowest.get()),
             permitted_speed_percent: status.map_or(0, |status| status.health.permitted_speed_percent),
+            speed_mm_s: self.fields.speed_mm_s,
+            case: self.fields.case,
+            zones: self.zones(),
+            advice: self.advice.map(action_name),
             decision_age_ms: status.map_or([0.0; 3], |status| {
                 [status.decision_age, status.longest_decision_age, status.response_bound].map(millis)
             }),
@@ -318,6 +343,20 @@ impl Model {
             counts: self.counts(status),
             recording: self.recording_view(),
         }
+    }
+
+    fn highest(&self, status: Option<&Status>) -> Option<f32> {
+        let highest = status.filter(|_| self.tells_heights)?.highest?;
+        Some(highest.height.get())
+    }
+
+    fn zones(&self) -> Vec<ZoneNow> {
+        let zone = |(name, zone): (char, nearfield_fields::ZoneState)| ZoneNow {
+            name,
+            role: zone.role.name(),
+            finding: zone.finding.name(),
+        };
+        self.fields.named().map(zone).collect()
     }
 
     fn latency(&self) -> Latency {
@@ -396,7 +435,8 @@ impl Model {
             profile.place_mm.push(rounded(map.floor_place));
             profile.column.push(rounded(centre as f32));
             profile.row.push(row.map(rounded));
-            profile.height_mm.push(row.map(|row| rounded(map.height(row))));
+            let height = row.map(|row| rounded(map.height(row)));
+            profile.height_mm.push(if self.tells_heights { height } else { height.and_then(as_cut) });
         }
         self.profile = profile;
     }
@@ -408,6 +448,11 @@ impl Model {
             _ => f32::INFINITY,
         }
     }
+}
+
+/// Without heights: on the floor, or not.
+fn as_cut(height: f32) -> Option<f32> {
+    (height.abs() <= FLOOR_TOLERANCE.get()).then_some(0.0)
 }
 
 /// To a hundredth: enough for eyes, and short.

@@ -88,6 +88,17 @@ pub fn payload(status: &Status) -> Payload {
         })
         .collect();
     errors.extend(status.warnings.iter().map(|warning| error(warning.name, warning.words, "WARNING")));
+    for zone in status.zones.iter().filter(|zone| zone.role != "named" && zone.finding != "free") {
+        let zone_reference =
+            Reference { reference_key: "nearfieldZone", reference_value: zone.name.to_string() };
+        let told = error(
+            if zone.role == "warning" { "warning_field" } else { "protective_field" },
+            "something is in a field of the sensor",
+            "WARNING",
+        );
+        errors
+            .push(Error { error_references: [told.error_references, vec![zone_reference]].concat(), ..told });
+    }
     if status.state.is_empty() {
         errors.push(error("controller_silent", "the safety controller is not heard", "FATAL"));
     }

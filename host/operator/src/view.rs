@@ -36,6 +36,14 @@ pub struct Status {
     pub lowest_mm: Option<f32>,
     /// Permitted speed, per cent.
     pub permitted_speed_percent: u8,
+    /// The robot's speed as it is told, mm/s; none = not known.
+    pub speed_mm_s: Option<f32>,
+    /// The case in force, from 1; none = there are none, or all are in force together.
+    pub case: Option<u8>,
+    /// The zones of this module; none of them while no picture comes.
+    pub zones: Vec<ZoneNow>,
+    /// For the robot's planner: `run_over`, `go_around` or `stop_and_warn`; none = drive on.
+    pub advice: Option<&'static str>,
     /// From the exposure to the decision, milliseconds: the last one, the longest, and the bound.
     pub decision_age_ms: [f64; 3],
     /// From the picture in memory to the status received, milliseconds, over the last thousand pictures.
@@ -44,6 +52,17 @@ pub struct Status {
     pub counts: Counts,
     /// The recording.
     pub recording: Recording,
+}
+
+/// A zone at the moment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct ZoneNow {
+    /// A to H.
+    pub name: char,
+    /// `named`, `warning` or `protective`.
+    pub role: &'static str,
+    /// `free`, `suspect` or `infringed`.
+    pub finding: &'static str,
 }
 
 /// Milliseconds.

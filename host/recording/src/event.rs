@@ -4,6 +4,8 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use nearfield_fields::Report;
+use nearfield_shared::action::Action;
 use nearfield_shared::linescan::{HostVerdict, LINE_SCAN_LENGTH};
 use nearfield_shared::status::STATUS_LENGTH;
 use nearfield_shared::units::Micros;
@@ -35,6 +37,10 @@ pub struct Decision {
     pub verdict: HostVerdict,
     /// May the robot move, as far as the contacts tell?
     pub relay_closed: bool,
+    /// Zones and the case in force.
+    pub fields: Report,
+    /// What the robot's planner is advised to do; `None` = drive on.
+    pub advice: Option<Action>,
     /// From the picture in memory to the status received.
     pub latency: Duration,
 }

@@ -13,6 +13,7 @@
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
+use nearfield_shared::action::Action;
 use nearfield_shared::causes::{StopCause, StopCauses};
 use nearfield_shared::linescan::{HostVerdict, LineScan};
 use nearfield_shared::status::{Channels, Status};
@@ -248,6 +249,29 @@ pub struct DecisionMessage {
     pub relay: String,
     /// From the picture in memory to the status received, milliseconds.
     pub latency_ms: f64,
+    /// The robot's speed, mm/s; none = it was not known.
+    #[serde(default)]
+    pub speed_mm_s: Option<f32>,
+    /// The case in force, from 1; none = there are none, or all were in force together.
+    #[serde(default)]
+    pub case: Option<u8>,
+    /// The zones of this module.
+    #[serde(default)]
+    pub zones: Vec<ZoneMessage>,
+    /// What the robot's planner was advised to do: `run_over`, `go_around`, `stop_and_warn`; none = drive on.
+    #[serde(default)]
+    pub advice: Option<String>,
+}
+
+/// A zone in a decision.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ZoneMessage {
+    /// A to H.
+    pub name: char,
+    /// `named`, `warning` or `protective`.
+    pub role: String,
+    /// `free`, `suspect` or `infringed`.
+    pub finding: String,
 }
 
 impl DecisionMessage {
@@ -260,7 +284,29 @@ impl DecisionMessage {
             verdict: verdict_name(decision.verdict).to_owned(),
             relay: if decision.relay_closed { "closed" } else { "open" }.to_owned(),
             latency_ms: decision.latency.as_secs_f64() * 1e3,
+            speed_mm_s: decision.fields.speed_mm_s,
+            case: decision.fields.case,
+            zones: decision
+                .fields
+                .named()
+                .map(|(name, zone)| ZoneMessage {
+                    name,
+                    role: zone.role.name().to_owned(),
+                    finding: zone.finding.name().to_owned(),
+                })
+                .collect(),
+            advice: decision.advice.map(|action| action_name(action).to_owned()),
         }
+    }
+}
+
+/// An action's name for programs.
+#[must_use]
+pub const fn action_name(action: Action) -> &'static str {
+    match action {
+        Action::RunOver => "run_over",
+        Action::GoAround => "go_around",
+        Action::StopAndWarn => "stop_and_warn",
     }
 }
 

@@ -2,8 +2,10 @@
 
 use std::path::PathBuf;
 
+use anyhow::Context as _;
 use clap::{Args, Subcommand};
 use nearfield_configuration::Configuration;
+use nearfield_fields::Fields;
 
 /// Check or print the host's configuration file.
 #[derive(Debug, Args)]
@@ -39,6 +41,7 @@ impl ConfigArguments {
             Command::Check { file } => {
                 let configuration = Configuration::load(file)?;
                 let rig = crate::rig_file::load(&configuration.rig)?;
+                Fields::check(&configuration, rig.stripe()).with_context(|| file.display().to_string())?;
                 say!(
                     "{}: sound; module {}, rig {} (calibration {:08x}), {} zones, {} cases",
                     file.display(),

@@ -14,6 +14,7 @@ pub mod budget;
 pub mod calibrate;
 pub mod campaign;
 pub mod capability;
+pub mod commission;
 pub mod config;
 pub mod dataset;
 pub mod demo;
@@ -53,6 +54,7 @@ enum Command {
     Budget(budget::Budget),
     Calibrate(calibrate::CalibrateArguments),
     Capability(capability::CapabilityArguments),
+    Commission(commission::Commission),
     Config(config::ConfigArguments),
     Dataset(dataset::Dataset),
     Demo(demo::Demo),
@@ -82,6 +84,7 @@ impl CommandLine {
             Command::Budget(budget) => budget.run(),
             Command::Calibrate(calibrate) => calibrate.run(),
             Command::Capability(capability) => capability.run(),
+            Command::Commission(commission) => commission.run(),
             Command::Config(config) => config.run(),
             Command::Dataset(dataset) => dataset.run(),
             Command::Demo(demo) => demo.run(),

@@ -8,10 +8,8 @@ use std::time::Duration;
 use anyhow::{Context as _, bail};
 use clap::Args;
 use nearfield_configuration::{Camera, Configuration, LinkKind, Profile, Source as SourceKind};
-use nearfield_detection::model::{Backend, Choice};
-use nearfield_detection::network::Settings;
-use nearfield_detection::tiles::Tiling;
-use nearfield_detection::watch::Watched;
+use nearfield_fields::Fields;
+use nearfield_fields::speed::SpeedListener;
 use nearfield_machine::real_time;
 use nearfield_recording::Taps;
 use nearfield_shared::rig::{ImageSize, Rig};
@@ -24,12 +22,12 @@ use super::twin::load_scene;
 use crate::link::McuSession;
 use crate::link::board::Board;
 use crate::rig_file;
-use crate::run::detector_eye::DetectorEye;
 use crate::run::journal::Journal;
 use crate::run::outlets::{self, Outlets, recording_folder};
 use crate::run::runner::{Change, Pace, Runner, Said};
-use crate::run::source::{FolderSource, PipeSource, Source, TwinSource};
-use crate::run::supervised::Supervised;
+use crate::run::source::{FolderSource, PipeSource, Source, TwinLoop, TwinSource};
+use crate::run::supervised::{Supervised, elsewhere};
+use crate::run::tier_three;
 use crate::run::{Controller, Semantics, StripePath};
 
 /// Run: pictures in, line-scans out, the controller's verdict told whenever it changes.
@@ -121,6 +119,7 @@ impl Run {
         let text = std::fs::read_to_string(&self.config).unwrap_or_default();
         let rig = rig_file::load(&configuration.rig)?;
         self.check_sizes(&configuration.camera, &rig)?;
+        Fields::check(&configuration, rig.stripe()).with_context(|| self.config.display().to_string())?;
         let stop = Arc::new(AtomicBool::new(false));
         for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
             signal_hook::flag::register(signal, Arc::clone(&stop)).context("cannot watch for signals")?;
@@ -237,7 +236,8 @@ impl Work<'_> {
         session.set_frame_period(Micros::new(period.round() as u64));
         let pace = (!self.options.fast).then(|| Duration::from_secs_f64(period / 1e6));
         let mut pressed = Micros::ZERO;
-        self.go(session, source, outlets, pace, move |session, exposed, exposure| {
+        let path = self.path(session, outlets)?;
+        self.go(path, source, outlets, pace, move |session, exposed, exposure| {
             // Pressed, released, and time for the controller to arm before it is tried again.
             if session.status().state == StateCode::Interlocked
                 && session.now().since(pressed) >= PRESS_INTERVAL
@@ -251,17 +251,15 @@ impl Work<'_> {
 
     #[cfg(target_os = "linux")]
     fn on_board(&self, source: Supervised, outlets: &mut Outlets) -> anyhow::Result<Quantiles> {
-        use crate::link::spi_bus::SpiBus;
-        let link = self.configuration.link.clone();
-        let open = move || SpiBus::open(&link.device, link.hertz, &link.chip, link.ready_line);
-        let module = SourceId::new(self.configuration.module.source);
-        let board = Board::new(Box::new(open), module, self.rig.calibration_id());
-        // Only here does time matter; and only this thread, whose work ends with the line-scan, is to be preferred.
+        let board = board(self.configuration, self.rig);
+        let path = self.path(board, outlets)?;
+        // Only here does time matter; and only this thread, whose work ends with the line-scan, is to be preferred: all
+        // others run by now, and a source that is opened again is opened by one of them.
         for asked in real_time::ask(&self.configuration.real_time) {
             eprintln!("{}{asked}", if asked.refused.is_some() { "warning: " } else { "" });
         }
         // The laser is the board's own; the camera sees it.
-        self.go(board, source, outlets, None, |_, _, _| 1.0)
+        self.go(path, source, outlets, None, |_, _, _| 1.0)
     }
 
     #[cfg(not(target_os = "linux"))]
@@ -269,16 +267,22 @@ impl Work<'_> {
         bail!("the SPI link needs Linux; choose link.kind = \"in-process\" or \"emulated\"")
     }
 
+    /// The stripe's path, with the threads beside it.
+    fn path<C: Controller>(&self, controller: C, outlets: &Outlets) -> anyhow::Result<StripePath<C>> {
+        let semantics = semantics(self.configuration, outlets.taps.clone())?;
+        let speed = SpeedListener::start(&self.configuration.speed)?;
+        let fields = Fields::new(self.configuration);
+        Ok(StripePath::new(self.rig, controller, semantics)?.with_fields(fields, speed))
+    }
+
     fn go<C: Controller>(
         &self,
-        controller: C,
+        path: StripePath<C>,
         source: Supervised,
         outlets: &mut Outlets,
         period: Option<Duration>,
         drive: impl FnMut(&mut C, Micros, Micros) -> f32,
     ) -> anyhow::Result<Quantiles> {
-        let semantics = semantics(self.configuration, outlets.taps.clone())?;
-        let path = StripePath::new(self.rig, controller, semantics)?;
         let rate = self.configuration.camera.frames_per_second;
         let pictures = self.options.seconds.map(|seconds| (seconds * rate).round() as u64);
         let mut runner = Runner { path, source, outlets, pace: Pace { pictures, period } };
@@ -293,33 +297,34 @@ fn semantics(configuration: &Configuration, taps: Taps) -> anyhow::Result<Option
     if configuration.profile != Profile::Semantics {
         return Ok(None);
     }
-    let chosen = &configuration.detector;
-    let backend = match chosen.backend.as_str() {
-        "rten" => Backend::Rten,
-        "ort" => Backend::Ort,
-        "hailo" => Backend::Hailo,
-        other => bail!("detector.backend = \"{other}\" replays files and cannot look at live pictures"),
-    };
-    let settings = Settings { tiling: Tiling::Windows(5), least_score: None };
-    let choice = Choice { model: chosen.model.clone(), backend, settings, threads: 1 };
-    let deadline = Duration::from_millis(chosen.deadline_ms.into());
-    let watched = Watched::new(choice.load()?, deadline).context("cannot start the detector's thread")?;
-    let semantics =
-        Semantics::start_told(DetectorEye::new(watched), taps).context("cannot start tier 3's thread")?;
-    Ok(Some(semantics))
+    let eye = tier_three::eye(&configuration.detector)?;
+    Ok(Some(Semantics::start_told(eye, taps).context("cannot start tier 3's thread")?))
 }
 
-fn open_source(configuration: &Configuration, rig: &Rig) -> anyhow::Result<Supervised> {
+/// The board on the configuration's bus, which its first exchange opens.
+#[cfg(target_os = "linux")]
+pub(super) fn board(configuration: &Configuration, rig: &Rig) -> Board<crate::link::spi_bus::SpiBus> {
+    use crate::link::spi_bus::SpiBus;
+    let link = configuration.link.clone();
+    let open = move || SpiBus::open(&link.device, link.hertz, &link.chip, link.ready_line);
+    Board::new(Box::new(open), SourceId::new(configuration.module.source), rig.calibration_id())
+}
+
+pub(super) fn open_source(configuration: &Configuration, rig: &Rig) -> anyhow::Result<Supervised> {
     let period = Duration::from_secs_f64(1.0 / configuration.camera.frames_per_second);
     let (camera, rig) = (configuration.camera.clone(), *rig);
-    Supervised::open(Box::new(move || open(&camera, &rig)), period)
+    Supervised::open(elsewhere(Box::new(move || open(&camera, &rig)))?, period)
 }
 
 fn open(camera: &Camera, rig: &Rig) -> anyhow::Result<Box<dyn Source>> {
     let input = camera.input.as_deref();
     let size = ImageSize { width: rig.image().width, height: rig.image().height };
     Ok(match camera.source {
-        SourceKind::Twin => Box::new(TwinSource::new(rig, &load_scene(input.unwrap_or("clean"), rig)?, 1)?),
+        SourceKind::Twin => {
+            let scene = load_scene(input.unwrap_or("clean"), rig)?;
+            Box::new(TwinSource::new(rig, &scene, 1)?.moving(&scene, camera.frames_per_second))
+        }
+        SourceKind::TwinLoop => Box::new(TwinLoop::new(rig, &load_scene(input.unwrap_or("clean"), rig)?, 1)?),
         SourceKind::Replay => Box::new(FolderSource::new(Path::new(input.unwrap_or(".")), size)?),
         SourceKind::RpicamVid => Box::new(PipeSource::rpicam_vid(camera)?),
         SourceKind::Command => Box::new(PipeSource::command_line(input.unwrap_or_default(), camera)?),

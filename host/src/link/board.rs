@@ -142,7 +142,8 @@ impl<B: Bus> Board<B> {
         self.failures
     }
 
-    /// Sends a picture's line-scan and takes the status.
+    /// Sends a picture's line-scan and takes the status. As long as no status is known, which a line-scan has to name to be
+    /// accepted, the status alone is asked for: a refused line-scan would count against the link for a minute.
     ///
     /// # Errors
     /// See [`BoardError`]; this line-scan is lost then and never sent again.
@@ -152,6 +153,9 @@ impl<B: Bus> Board<B> {
         light: &LightReport,
         facts: FrameFacts,
     ) -> Result<&Status, BoardError> {
+        if self.status.is_none() {
+            return self.poll();
+        }
         self.took_place = false;
         self.sequence = self.sequence.next();
         let header = LineScanHeader {
@@ -324,6 +328,22 @@ mod tests {
         assert_eq!((status.accepted, status.refused), (10, [0; 8]));
         assert!(board.challenge().count > 0);
         assert_eq!((script.lock().unwrap().opened, board.failures()), (1, 0));
+    }
+
+    /// Whoever begins with a line-scan names a status that the controller has never sent.
+    #[test]
+    fn from_the_first_picture_on_nothing_is_refused_also_after_the_bus_was_closed() {
+        let (mut board, script, floor) = board();
+        for picture in 0..30 {
+            if picture == 15 {
+                script.lock().unwrap().fail = 1;
+            }
+            let _ = send(&mut board, &floor);
+            board.end_pause();
+        }
+        let status = *board.poll().unwrap();
+        // The first one asks, the fifteenth fails, the one after it asks again.
+        assert_eq!((status.accepted, status.refused), (27, [0; 8]));
     }
 
     #[test]

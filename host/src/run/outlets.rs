@@ -8,7 +8,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context as _;
 use nearfield_configuration::budget::{HostTimes, ResponseTime, permitted_speed, stopping_distance};
-use nearfield_configuration::{Configuration, Field};
+use nearfield_configuration::{Configuration, Field, Profile};
 use nearfield_operator::model::{Model, Part, Smallest, ZoneView};
 use nearfield_operator::{About, Page, Settings, Tally};
 use nearfield_recording::folder::Folder;
@@ -132,6 +132,7 @@ impl Outlets {
         let configuration = run.configuration;
         let watch = self.recorder.as_ref().map(Recorder::watch);
         let model = Model::new(&configuration.module.name, begun, run.rig, Arc::clone(&self.tally), watch)?;
+        let model = if configuration.profile == Profile::Cutoff { model.without_heights() } else { model };
         let clock = self.clock.clone();
         let settings = Settings {
             listen: configuration.page.listen,
@@ -201,12 +202,14 @@ fn about(configuration: &Configuration, rig: &Rig) -> About {
         permitted_speed_mm_s: permitted_speed(robot, distance, worst),
         capability,
         zones: configuration.zones.iter().map(zone).collect(),
+        cases: configuration.cases.len(),
         takes_remarks: false,
     }
 }
 
-/// From the robot's edge (y = 0) to the nearer end of the watched stripe.
-fn distance_of(rig: &Rig) -> f64 {
+/// From the robot's edge (y = 0) to the nearer end of the watched stripe, millimetres.
+#[must_use]
+pub fn distance_of(rig: &Rig) -> f64 {
     let stripe = rig.stripe();
     stripe.at(stripe.start).y.min(stripe.at(stripe.end).y)
 }

@@ -3,9 +3,12 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use nearfield_fields::Report;
+use nearfield_firmware::link::is_poll;
 use nearfield_fusion::Motion;
 use nearfield_machine::service::ServiceManager;
 use nearfield_recording::{Decision, Event};
+use nearfield_shared::action::Action;
 use nearfield_shared::causes::StopCauses;
 use nearfield_shared::linescan::HostVerdict;
 use nearfield_shared::units::Micros;
@@ -46,6 +49,10 @@ pub struct Pace {
     /// From one frame period to the next; `None` = as the source gives them.
     pub period: Option<Duration>,
 }
+
+/// Without a picture: stop, whatever lies where.
+const BLIND: (HostVerdict, Report, Option<Action>) =
+    (HostVerdict::Stop, Report::NOTHING_SEEN, Some(Action::StopAndWarn));
 
 /// See the module's documentation.
 pub struct Runner<'a, C> {
@@ -118,10 +125,13 @@ impl<C: Controller> Runner<'_, C> {
         };
         let begun = Instant::now();
         let outcome = match frame {
-            Some(frame) => self.path.step(frame, exposed, &Motion::default()).map(|step| step.verdict),
+            Some(frame) => self
+                .path
+                .step(frame, exposed, &Motion::default())
+                .map(|step| (step.verdict, step.fields, step.action)),
             None => {
                 tally.missing.add();
-                self.path.skip().map(|()| HostVerdict::Stop)
+                self.path.skip().map(|()| BLIND)
             }
         };
         let latency = begun.elapsed();
@@ -136,13 +146,12 @@ impl<C: Controller> Runner<'_, C> {
         if let Some((sent, came)) = self.path.controller().last_transaction()
             && let Some(status) = came.first_chunk()
         {
-            self.outlets
-                .taps
-                .tell(at, Event::Exchange { step: None, line_scan: Some(*sent), status: *status });
+            let line_scan = (!is_poll(sent)).then_some(*sent);
+            self.outlets.taps.tell(at, Event::Exchange { step: None, line_scan, status: *status });
         }
         let relay_closed = self.path.controller().is_circuit_closed();
-        let verdict = outcome.as_ref().copied().unwrap_or(HostVerdict::Stop);
-        let decision = Decision { picture: number, exposed, verdict, relay_closed, latency };
+        let (verdict, fields, advice) = outcome.as_ref().copied().unwrap_or(BLIND);
+        let decision = Decision { picture: number, exposed, verdict, relay_closed, latency, fields, advice };
         self.outlets.taps.tell(at, Event::Decision(decision));
         match outcome {
             Ok(_) => warning,

@@ -5,6 +5,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use nearfield_fusion::Sighting;
+use nearfield_machine::real_time::step_back;
 use nearfield_recording::{Detections, Event, Sighting as ToldSighting, Taps};
 use nearfield_shared::action::Category;
 use nearfield_shared::units::Micros;
@@ -98,6 +99,7 @@ impl Semantics {
         let (pictures, mut incoming) = Mailbox::pair::<SemanticPicture>();
         let (mut outgoing, answers) = Mailbox::pair::<SemanticAnswer>();
         let thread = std::thread::Builder::new().name("semantics".to_owned()).spawn(move || {
+            step_back();
             loop {
                 let picture = match incoming.wait(Duration::from_secs(1)) {
                     Fetched::New(picture) => picture,

@@ -30,6 +30,8 @@ pub trait Source: Send {
 /// Made-up pictures, lit by the laser as the controller drives it.
 pub struct TwinSource {
     twin: Twin,
+    /// What moves, and from picture to picture how long; `None` = nothing does.
+    moving: Option<(Scene, f64)>,
     picture: Picture,
     number: u64,
     frame: Frame,
@@ -42,12 +44,22 @@ impl TwinSource {
     /// The scene cannot be used.
     pub fn new(rig: &Rig, scene: &Scene, seed: u64) -> anyhow::Result<Self> {
         let twin = Twin::new(Arc::new(View::new(rig)), scene, seed)?;
-        Ok(Self { twin, picture: Picture::black(0, 0), number: 0, frame: Frame::empty() })
+        Ok(Self { twin, moving: None, picture: Picture::black(0, 0), number: 0, frame: Frame::empty() })
+    }
+
+    /// Objects with a velocity move, so many pictures a second.
+    #[must_use]
+    pub fn moving(self, scene: &Scene, frames_per_second: f64) -> Self {
+        let moves = scene.objects.iter().any(|object| object.velocity_mm_per_s != [0.0; 2]);
+        Self { moving: moves.then(|| (scene.clone(), 1.0 / frames_per_second)), ..self }
     }
 }
 
 impl Source for TwinSource {
     fn advance(&mut self, drive: f32) -> anyhow::Result<bool> {
+        if let Some((scene, period)) = &self.moving {
+            self.twin.place(&scene.after(self.number as f64 * period).objects)?;
+        }
         self.twin.render_into(self.number, drive, &mut self.picture);
         self.number += 1;
         self.frame = self.picture.to_yuv420_frame()?;
@@ -56,6 +68,57 @@ impl Source for TwinSource {
 
     fn frame(&self) -> &Frame {
         &self.frame
+    }
+}
+
+/// Steps of the laser's drive in [`TwinLoop`]: the controller's three levels (off, three fifths, full) are among them.
+const DRIVE_STEPS: u8 = 20;
+/// Pictures with other noise for every step.
+const NOISES: u64 = 2;
+
+/// The twin's pictures for every drive of the laser, made at the start and shown again and again: fifty a second and more, where
+/// rendering takes longer than a frame period. Nothing in them moves. Clones show the same pictures.
+#[derive(Clone)]
+pub struct TwinLoop {
+    /// All noises of the darkest step first.
+    pictures: Arc<[Frame]>,
+    shown: Option<usize>,
+    number: u64,
+}
+
+impl TwinLoop {
+    /// Of this scene before this rig. It takes seconds, and 42 pictures' memory.
+    ///
+    /// # Errors
+    /// The scene cannot be used.
+    pub fn new(rig: &Rig, scene: &Scene, seed: u64) -> anyhow::Result<Self> {
+        let twin = Twin::new(Arc::new(View::new(rig)), scene, seed)?;
+        let mut picture = Picture::black(0, 0);
+        let mut pictures = Vec::new();
+        for step in 0..=DRIVE_STEPS {
+            for noise in 0..NOISES {
+                let drive = f32::from(step) / f32::from(DRIVE_STEPS);
+                twin.render_into(u64::from(step) * NOISES + noise, drive, &mut picture);
+                pictures.push(picture.to_yuv420_frame()?);
+            }
+        }
+        Ok(Self { pictures: pictures.into(), shown: None, number: 0 })
+    }
+}
+
+impl Source for TwinLoop {
+    fn advance(&mut self, drive: f32) -> anyhow::Result<bool> {
+        let drive = if drive.is_finite() { drive.clamp(0.0, 1.0) } else { 0.0 };
+        let step = (drive * f32::from(DRIVE_STEPS)).round() as usize;
+        let noise = (self.number % NOISES) as usize;
+        self.number += 1;
+        self.shown = Some(step * NOISES as usize + noise);
+        Ok(true)
+    }
+
+    fn frame(&self) -> &Frame {
+        const NONE: &Frame = &Frame::empty();
+        self.shown.and_then(|index| self.pictures.get(index)).unwrap_or(NONE)
     }
 }
 

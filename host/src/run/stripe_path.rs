@@ -2,7 +2,12 @@
 
 use std::time::Instant;
 
+use nearfield_fields::speed::SpeedListener;
+use nearfield_fields::{Evidence, Fields, Report, Stretch, more_careful};
 use nearfield_fusion::{Advice, Answer, Motion, Obstruction, Tracker, claims, decide};
+use nearfield_shared::action::{Action, Category, action_for};
+use nearfield_shared::height::SizeClass;
+use nearfield_shared::limits::IMMEDIATE_GAP;
 use nearfield_shared::linescan::HostVerdict;
 use nearfield_shared::rig::Rig;
 use nearfield_shared::run_over::{Claims, NO_CLAIMS};
@@ -32,6 +37,10 @@ pub enum StripeError {
 pub struct Step {
     /// What the host advises, with its reasons; `None` without tier 3.
     pub advice: Option<Advice>,
+    /// What the robot's planner is advised to do; `None` = drive on. Without tier 3 all that cuts the stripe is unknown.
+    pub action: Option<Action>,
+    /// Zones and the case in force.
+    pub fields: Report,
     /// What it told the controller.
     pub verdict: HostVerdict,
     /// May the robot move?
@@ -49,6 +58,8 @@ pub struct StripePath<C> {
     controller: C,
     semantics: Option<Semantics>,
     tracker: Tracker,
+    fields: Fields,
+    speed: Option<SpeedListener>,
     /// What the last line-scan told the controller.
     facts: FrameFacts,
     /// From the picture in memory to the line-scan sent and the status received.
@@ -72,9 +83,17 @@ impl<C: Controller> StripePath<C> {
             controller,
             semantics,
             tracker: Tracker::new(*rig),
+            fields: Fields::default(),
+            speed: None,
             facts: FrameFacts::default(),
             latency: Latency::new(),
         })
+    }
+
+    /// With zones, and with the robot's speed to select their case.
+    #[must_use]
+    pub fn with_fields(self, fields: Fields, speed: Option<SpeedListener>) -> Self {
+        Self { fields, speed, ..self }
     }
 
     /// The controller.
@@ -134,6 +153,8 @@ impl<C: Controller> StripePath<C> {
             Some(_) => claims::claims(self.rig.stripe(), self.tracker.tracks(), self.controller.now()),
             None => NO_CLAIMS,
         };
+        let fields = self.judge_fields();
+        facts.verdict = more_careful(facts.verdict, fields.verdict());
         self.send(&view, facts)?;
         self.facts = facts;
         self.latency.add(begun.elapsed());
@@ -145,7 +166,12 @@ impl<C: Controller> StripePath<C> {
             });
         }
         let relay_closed = self.controller.is_circuit_closed();
-        Ok(Step { advice, verdict: facts.verdict, relay_closed })
+        let cut = self.analyser.report().is_cut();
+        let action = match &advice {
+            Some(advice) => advice.action,
+            None => cut.then(|| action_for(Category::Unknown, SizeClass::Unknown)),
+        };
+        Ok(Step { advice, action, fields, verdict: facts.verdict, relay_closed })
     }
 
     /// A frame period without a picture: the controller gets nothing, and the votes know it.
@@ -155,6 +181,24 @@ impl<C: Controller> StripePath<C> {
     pub fn skip(&mut self) -> Result<(), StripeError> {
         self.analyser.lose_frame();
         Ok(self.controller.skip()?)
+    }
+
+    /// Zones by the gaps of the vote, by a gap that is too long to wait for one, and by what tier 3 sees ahead.
+    fn judge_fields(&self) -> Report {
+        let speed = self.speed.as_ref().and_then(SpeedListener::speed_mm_s);
+        let at_once = self.analyser.report().cutoff.single.filter(|gap| gap.length() > IMMEDIATE_GAP);
+        let gaps = self.analyser.gaps().iter().copied().chain(at_once).map(|gap| Stretch {
+            start_mm: f64::from(gap.start.get()),
+            end_mm: f64::from(gap.end.get()),
+            evidence: Evidence::Gap,
+        });
+        let stripe = self.rig.stripe();
+        let tracks = self.tracker.tracks().iter().map(|track| {
+            let (start_mm, end_mm) = track.footprint.along(stripe);
+            let behind = track.footprint.behind(stripe).0.floor();
+            Stretch { start_mm, end_mm, evidence: Evidence::Ahead(behind as i32) }
+        });
+        self.fields.judge(speed, gaps.chain(tracks))
     }
 
     fn send(&mut self, view: &FrameView<'_>, facts: FrameFacts) -> Result<(), ControllerError> {

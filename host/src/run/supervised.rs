@@ -1,6 +1,9 @@
 //! A source of pictures that may break: it is watched, and opened again with a growing pause.
 
+use std::sync::mpsc::sync_channel;
 use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
 
 use super::source::Source;
 use crate::capture::Frame;
@@ -17,6 +20,25 @@ pub enum Got<'a> {
     Nothing,
     /// The source broke, has stalled, or could not be opened; it is tried again later. Told once for each time.
     Broken(anyhow::Error),
+}
+
+/// Opens in a thread of its own, that is started now. A thread and a program inherit priority and cores of who starts them: what
+/// is opened again later would otherwise be as urgent as the stripe's path, and on its core.
+///
+/// # Errors
+/// The operating system gives no thread.
+pub fn elsewhere(mut open: Open) -> std::io::Result<Open> {
+    let (orders, incoming) = sync_channel::<()>(0);
+    let (outgoing, opened) = sync_channel(0);
+    std::thread::Builder::new().name("source".to_owned()).spawn(move || {
+        // Ends when nobody opens anything any more.
+        while incoming.recv().is_ok() && outgoing.send(open()).is_ok() {}
+    })?;
+    Ok(Box::new(move || {
+        let gone = "the thread that opens the source has ended; start the program again";
+        orders.send(()).context(gone)?;
+        opened.recv().context(gone)?
+    }))
 }
 
 enum State {
@@ -219,6 +241,38 @@ mod tests {
             begun.elapsed() >= STALLED_AFTER && error.to_string().contains("no picture for 1.0 s"),
             "{error}"
         );
+    }
+
+    /// On Linux a thread may run where the one that started it may run.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn what_is_opened_again_does_not_inherit_the_stripes_paths_core() {
+        use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+        let count = || sched_getaffinity(None).unwrap().count();
+        let whole = count();
+        let (tell, told) = std::sync::mpsc::channel();
+        let open: Open = Box::new(move || {
+            tell.send(sched_getaffinity(None).unwrap().count()).unwrap();
+            Ok(Box::new(Scripted(VecDeque::new(), frame())) as Box<dyn Source>)
+        });
+        let mut supervised = Supervised::open(elsewhere(open).unwrap(), Duration::from_millis(1)).unwrap();
+        assert_eq!(told.recv().unwrap(), whole);
+        // As real time does for the stripe's path: on one core from now on.
+        let first = sched_getaffinity(None).unwrap();
+        let one = (0..CpuSet::MAX_CPU).find(|core| first.is_set(*core)).unwrap();
+        let mut only = CpuSet::new();
+        only.set(one);
+        sched_setaffinity(None, &only).unwrap();
+        assert_eq!(count(), 1);
+        while told.try_recv().map(|cores| assert_eq!(cores, whole)).is_err() {
+            supervised.next(1.0);
+        }
+    }
+
+    #[test]
+    fn an_opener_whose_thread_panicked_is_an_error() {
+        let mut open = elsewhere(Box::new(|| panic!("on purpose"))).unwrap();
+        assert!(open().err().unwrap().to_string().contains("start the program again"));
     }
 
     #[test]

@@ -17,6 +17,7 @@ mod run;
 mod seeded_faults;
 mod setup;
 mod slow_tests;
+mod soak;
 mod tools;
 mod train_smoke;
 
@@ -44,8 +45,10 @@ nearfield's chores. Each sets up what it needs by itself.
   cargo xtask bench      what a frame of 2304 x 1296 costs the host, against the sum of the bytes that it reads
   cargo xtask pi         the host's program for the Raspberry Pi (aarch64; cross-compiler through apt where it can)
   cargo xtask pi-test    tests of the parts that run on the Pi, for its processor, under QEMU (further arguments: packages)
-  cargo xtask soak       `nearfield run` with recording and page for minutes, flooded, on a full disk, with a dying source:
-                         losses, latency, memory (--seconds N a phase, --semantics)
+  cargo xtask soak       everything of `nearfield run` at 50 pictures a second: quiet, tier 3 stalled, disk full, flooded, with a
+                         dying source; losses, relay, latency, memory (--seconds N a phase, --mcu emulated, --width N,
+                         --without-tier-three)
+  cargo xtask kills      `nearfield run` killed at 200 random moments: every recording opens and is decided again (--kills N, --seed N)
   cargo xtask deb        the Debian package: program, service, udev rules, configuration
   cargo xtask report     the source paper's tables made again beside ours, in one run: tests/REPORT.md, target/report.html
   cargo xtask train-smoke  half a minute of training the detector on toy pictures, up to being judged (Python, PyPI)
@@ -122,7 +125,8 @@ fn dispatch(verb: &str, rest: &[String]) -> Result<()> {
         "pi" => pi::build(),
         "pi-test" => pi::test(rest),
         "deb" => pi::package(),
-        "soak" => soak(rest),
+        "soak" => soak::phases(rest),
+        "kills" => soak::kills(rest),
         "coverage" => coverage::check(rest),
         "mutants" => mutants::check(rest),
         "seeded-faults" => seeded_faults::check(rest),
@@ -136,17 +140,6 @@ fn dispatch(verb: &str, rest: &[String]) -> Result<()> {
         }
         unknown => bail!("there is no chore {unknown:?}; `cargo xtask help` lists them"),
     }
-}
-
-/// Figures phase by phase; see `host/tests/soak.rs`.
-fn soak(rest: &[String]) -> Result<()> {
-    let seconds = rest.iter().skip_while(|argument| *argument != "--seconds").nth(1);
-    let profile = if rest.iter().any(|argument| argument == "--semantics") { "semantics" } else { "height" };
-    let arguments = ["test", "--release", "--package", "nearfield-host", "--test", "soak", "--"];
-    Step::cargo(&[&arguments[..], &["--ignored", "--nocapture", "--test-threads", "1"]].concat())
-        .env("NEARFIELD_SOAK_SECONDS", seconds.map_or("60", String::as_str))
-        .env("NEARFIELD_SOAK_PROFILE", profile)
-        .run()
 }
 
 fn demo(rest: &[String]) -> Result<()> {

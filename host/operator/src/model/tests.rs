@@ -14,8 +14,15 @@ fn model() -> Model {
 
 fn decision(relay_closed: bool, millis: u64) -> Stamped {
     let latency = Duration::from_millis(millis);
-    let decision =
-        Decision { picture: 1, exposed: Micros::ZERO, verdict: HostVerdict::Clear, relay_closed, latency };
+    let decision = Decision {
+        picture: 1,
+        exposed: Micros::ZERO,
+        verdict: HostVerdict::Clear,
+        relay_closed,
+        latency,
+        fields: Report::default(),
+        advice: None,
+    };
     Stamped { at: Micros::from_millis(1000), event: Event::Decision(decision) }
 }
 

@@ -287,3 +287,86 @@ proptest! {
         prop_assert!(bench.told().is_empty());
     }
 }
+
+/// A remark as it must be, then changed a little: only what still carries the whole token is taken.
+#[derive(Debug, Clone)]
+enum Change {
+    /// A byte of the request becomes another one.
+    Byte(usize, u8),
+    /// It ends early.
+    Cut(usize),
+    /// A piece comes twice.
+    Repeat(usize, usize),
+    /// Another method, path or header.
+    Line(&'static str, &'static str),
+}
+
+fn change() -> impl Strategy<Value = Change> {
+    prop_oneof![
+        4 => (any::<usize>(), any::<u8>()).prop_map(|(at, byte)| Change::Byte(at, byte)),
+        1 => any::<usize>().prop_map(Change::Cut),
+        1 => (any::<usize>(), 1..40_usize).prop_map(|(at, length)| Change::Repeat(at, length)),
+        2 => prop::sample::select(vec![
+            ("POST", "GET"),
+            ("POST", "PUT"),
+            ("/api/mark", "/api/mark/"),
+            ("/api/mark", "//api/mark"),
+            ("/api/mark", "/api/status"),
+            ("Bearer ", "bearer "),
+            ("Bearer ", "Bearer  "),
+            ("Authorization", "X-Authorization"),
+            ("Content-Length: 5", "Transfer-Encoding: chunked"),
+            ("Content-Length: 5", "Content-Length: 5\r\nContent-Length: 6"),
+            ("Host: robot", "Host: robot\r\nX-HTTP-Method-Override: DELETE"),
+        ]).prop_map(|(from, to)| Change::Line(from, to)),
+    ]
+}
+
+fn changed(mut request: Vec<u8>, change: &Change) -> Vec<u8> {
+    match change {
+        Change::Byte(at, byte) => {
+            let place = at % request.len().max(1);
+            if let Some(there) = request.get_mut(place) {
+                *there = *byte;
+            }
+        }
+        Change::Cut(at) => request.truncate(at % (request.len() + 1)),
+        Change::Repeat(at, length) => {
+            let start = at % (request.len() + 1);
+            let end = (start + length).min(request.len());
+            let piece = request[start..end].to_vec();
+            request.splice(start..start, piece);
+        }
+        Change::Line(from, to) => {
+            if let Ok(text) = std::str::from_utf8(&request) {
+                request = text.replacen(from, to, 1).into_bytes();
+            }
+        }
+    }
+    request
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(8))]
+    #[test]
+    fn a_changed_request_is_taken_with_the_whole_token_only(
+        changes in prop::collection::vec(prop::collection::vec(change(), 1..4), 40),
+    ) {
+        let bench = Bench::new();
+        let remark = format!(
+            "POST /api/mark HTTP/1.1\r\nHost: robot\r\nAuthorization: Bearer {TOKEN}\r\nContent-Length: 5\r\n\
+             Connection: close\r\n\r\nhello"
+        );
+        for changes in &changes {
+            let request = changes.iter().fold(remark.clone().into_bytes(), changed);
+            let carries = request.windows(TOKEN.len()).any(|piece| piece == TOKEN.as_bytes());
+            let answer = bench.ask_bytes(&request);
+            let told = bench.told();
+            prop_assert!(told.is_empty() || carries, "{:?} was taken: {}", told, String::from_utf8_lossy(&request));
+            prop_assert!(!answer.contains(TOKEN), "the token is told: {answer}");
+        }
+        let answer = bench.post("/api/mark", &format!("Authorization: Bearer {TOKEN}\r\n"), "hello");
+        prop_assert_eq!(status_of(&answer), "204");
+        prop_assert_eq!(bench.told().len(), 1);
+    }
+}

@@ -3,6 +3,7 @@
 use std::io::{self, Write};
 use std::sync::atomic::AtomicU64;
 
+use nearfield_fields::Report;
 use nearfield_shared::linescan::HostVerdict;
 use nearfield_shared::status::STATUS_LENGTH;
 
@@ -28,7 +29,15 @@ fn options(limit: u64) -> Options {
 fn decision(second: f64, relay_closed: bool) -> (Micros, Event) {
     let at = Micros::new((second * 1e6) as u64);
     let latency = Duration::from_millis(1);
-    let decision = Decision { picture: 1, exposed: at, verdict: HostVerdict::Clear, relay_closed, latency };
+    let decision = Decision {
+        picture: 1,
+        exposed: at,
+        verdict: HostVerdict::Clear,
+        relay_closed,
+        latency,
+        fields: Report::default(),
+        advice: None,
+    };
     (at, Event::Decision(decision))
 }
 
