@@ -215,4 +215,21 @@ mod tests {
             }
         }
     }
+
+    /// The window's margin itself still counts as well within.
+    #[test]
+    fn a_report_on_the_margin_is_judged() {
+        for at in [MARGIN_ROWS, 25.0] {
+            assert_eq!(judge(&window(&[(at, 60.0)], 0.0), claim(at)), AuditVerdict::Confirmed, "{at}");
+        }
+    }
+
+    /// The background is taken away where it is, not where it would be if it fell instead of rising.
+    #[test]
+    fn a_low_hill_on_a_steep_slope_is_seen() {
+        for rise in [-3.0, 3.0] {
+            let window = window(&[(16.0, 12.0)], rise);
+            assert_eq!(judge(&window, claim(16.0)), AuditVerdict::Confirmed, "{rise}");
+        }
+    }
 }

@@ -263,4 +263,62 @@ pub(crate) mod tests {
         let wild = Intrinsics { distortion: [8.0, 0.0, 0.0, 0.0, 0.0], ..tilted_camera().intrinsics };
         assert_eq!(wild.undistort(Pixel { u: 9_000.0, v: 9_000.0 }), None);
     }
+
+    /// A lens without anything else: what one term of the distortion does is seen alone.
+    fn plain(distortion: [f64; 5]) -> Intrinsics {
+        Intrinsics { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0, distortion }
+    }
+
+    /// Each radial term folds the picture over where the distorted radius stops growing: `d/dr (r + k r^n) = 0`.
+    #[test]
+    fn each_radial_term_folds_where_its_derivative_says() {
+        let (k1, k2, k3): (f64, f64, f64) = (-0.4, -0.3, -0.2);
+        let folds = [
+            ([k1, 0.0, 0.0, 0.0, 0.0], (-1.0 / (3.0 * k1)).sqrt()),
+            ([0.0, k2, 0.0, 0.0, 0.0], (-1.0 / (5.0 * k2)).powf(0.25)),
+            ([0.0, 0.0, 0.0, 0.0, k3], (-1.0 / (7.0 * k3)).powf(1.0 / 6.0)),
+        ];
+        for (distortion, radius) in folds {
+            for (across, down) in [(1.0, 0.0), (0.0, 1.0), (0.6, 0.8)] {
+                let at = |share: f64| plain(distortion).distort(share * radius * across, share * radius * down);
+                assert!(at(0.999).is_some(), "{distortion:?} within {radius}");
+                assert_eq!(at(1.001), None, "{distortion:?} beyond {radius}");
+            }
+        }
+    }
+
+    /// The terms of Brown's model, each worked out by hand at (0.5, -0.25): r^2 = 0.3125.
+    #[test]
+    fn each_term_of_the_distortion_does_what_the_model_says() {
+        for (distortion, u, v) in [
+            ([0.0; 5], 0.5, -0.25),
+            ([0.1, 0.0, 0.0, 0.0, 0.0], 0.5 * 1.03125, -0.25 * 1.03125),
+            ([0.0, 0.1, 0.0, 0.0, 0.0], 0.5 * 1.009_765_625, -0.25 * 1.009_765_625),
+            ([0.0, 0.0, 0.1, 0.0, 0.0], 0.5 - 0.025, -0.25 + 0.043_75),
+            ([0.0, 0.0, 0.0, 0.1, 0.0], 0.5 + 0.081_25, -0.25 - 0.025),
+            ([0.0, 0.0, 0.0, 0.0, 0.1], 0.5 * 1.003_051_757_812_5, -0.25 * 1.003_051_757_812_5),
+        ] {
+            let pixel = plain(distortion).distort(0.5, -0.25).unwrap();
+            assert!((pixel.u - u).abs() < 1e-12 && (pixel.v - v).abs() < 1e-12, "{distortion:?}: {pixel:?}");
+        }
+    }
+
+    #[test]
+    fn a_place_beyond_all_numbers_is_not_imaged() {
+        for (fx, fy) in [(f64::MAX, 1.0), (1.0, f64::MAX)] {
+            let lens = Intrinsics { fx, fy, ..plain([0.0; 5]) };
+            assert_eq!(lens.distort(2.0, 2.0), None);
+            assert!(lens.distort(0.5, 0.5).is_some());
+        }
+    }
+
+    #[test]
+    fn the_nearest_depth_is_imaged_and_nothing_nearer() {
+        let [right, down, forward] =
+            [Vector::new(1.0, 0.0, 0.0), Vector::new(0.0, 1.0, 0.0), Vector::new(0.0, 0.0, 1.0)];
+        let pose = Pose { rotation: [right, down, forward], translation: Vector::default() };
+        let camera = Camera { intrinsics: plain([0.0; 5]), pose };
+        assert!(camera.project(Vector::new(0.0, 0.0, NEAREST_DEPTH_MM)).is_some());
+        assert_eq!(camera.project(Vector::new(0.0, 0.0, NEAREST_DEPTH_MM.next_down())), None);
+    }
 }

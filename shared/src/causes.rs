@@ -284,4 +284,15 @@ mod tests {
         assert!(!set.without(StopCause::Drop).is_empty());
         assert_eq!(set.union(StopCauses::NONE.with(StopCause::StripeCut)).bits(), (1 << 31) | 9);
     }
+
+    /// A set: what is in it twice is in it.
+    #[test]
+    fn a_cause_that_is_added_twice_is_there() {
+        for cause in StopCause::ALL {
+            let once = StopCauses::NONE.with(cause);
+            assert!(!once.is_empty() && StopCauses::NONE.is_empty());
+            assert_eq!(once.with(cause), once);
+            assert_eq!(once.union(once), once);
+        }
+    }
 }

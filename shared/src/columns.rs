@@ -96,6 +96,13 @@ impl ColumnMap {
         place_per_height: 0.0,
     };
 
+    /// Can heights and rows be told from each other with it?
+    fn is_usable(&self) -> bool {
+        let figures =
+            [self.height_per_row, self.perspective_per_row, self.bend_per_row, self.place_per_height];
+        self.height_per_row != 0.0 && figures.iter().all(|figure| figure.is_finite())
+    }
+
     /// Height over the floor of a stripe seen at `row`, millimetres; NaN where there is none (no stripe, horizon).
     /// NaN fails every comparison, so "unknown" can never pass for floor.
     #[must_use]
@@ -255,6 +262,9 @@ impl<'a> Sheet<'a> {
     }
 }
 
+/// So that a window of this reach to both sides has no more columns than a byte counts.
+const LARGEST_REACH: u8 = 127;
+
 impl<const N: usize> StripeGeometry<N> {
     /// Room without maps: no column watches anything. Call [`Self::fill`] before use.
     #[must_use]
@@ -364,7 +374,7 @@ impl<const N: usize> StripeGeometry<N> {
         for (pair, reach) in maps.windows(2).zip(reaches.iter_mut()) {
             let [here, next] = pair else { continue };
             let pitch = (next.floor_place - here.floor_place).abs();
-            let wanted = (half / pitch).to_u8().unwrap_or(u8::MAX / 2).min(u8::MAX / 2);
+            let wanted = (half / pitch).to_u8().map_or(LARGEST_REACH, |reach| reach.min(LARGEST_REACH));
             let allowed = match previous {
                 Some(before) => wanted.clamp(before.saturating_sub(1), before.saturating_add(1)),
                 None => wanted,
@@ -460,13 +470,8 @@ fn fit(
         bend_per_row: narrow(bend / height_per_row * ROW_SCALE),
         place_per_height: narrow(leant / square),
     };
-    let usable = map.height_per_row != 0.0
-        && map.height_per_row.is_finite()
-        && map.perspective_per_row.is_finite()
-        && map.bend_per_row.is_finite()
-        && map.place_per_height.is_finite();
     let [first, second, third, fourth] = places;
-    if usable {
+    if map.is_usable() {
         Ok((map, [floor_place, first, second, third, fourth]))
     } else {
         Err(GeometryError::NoParallax)
@@ -505,149 +510,4 @@ impl LeastSquares {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::testing::{height_rig, rig_of, side_rig};
-
-    fn filled(rig: &Rig) -> Box<StripeGeometry<LARGEST_COLUMN_COUNT>> {
-        let mut geometry = Box::new(StripeGeometry::empty());
-        geometry.fill(rig, Decimation::for_line_scan(rig.image().width)).unwrap();
-        geometry
-    }
-
-    #[test]
-    fn decimation_takes_as_few_image_columns_as_fit() {
-        for (width, image_columns, count) in
-            [(1151, 1, 1151), (1152, 1, 1152), (1153, 2, 576), (2304, 2, 1152), (4608, 4, 1152)]
-        {
-            let decimation = Decimation::for_line_scan(width);
-            assert_eq!((decimation.image_columns(), decimation.count()), (image_columns, count), "{width}");
-        }
-        assert_eq!(Decimation::for_line_scan(2304).centre(0), 0.5);
-        assert_eq!(Decimation::none(2304).centre(7), 7.0);
-    }
-
-    #[test]
-    fn maps_agree_with_exact_triangulation_from_the_floor_to_200_mm() {
-        for rig in [height_rig(), side_rig()] {
-            let geometry = filled(&rig);
-            let decimation = Decimation::for_line_scan(rig.image().width);
-            let (mut worst_height, mut worst_place) = (0.0_f64, 0.0_f64);
-            for column in geometry.watched() {
-                let map = geometry.map(column).unwrap();
-                for millimetres in (-20..=200).step_by(5) {
-                    let row = map.row(millimetres as f32);
-                    if !(0.0..=f32::from(rig.image().height)).contains(&row) {
-                        continue;
-                    }
-                    let pixel = Pixel { u: decimation.centre(column as u16), v: f64::from(row) };
-                    let exact = rig.laser().triangulate(rig.camera(), pixel).unwrap();
-                    worst_height = worst_height.max((exact.z - f64::from(map.height(row))).abs());
-                    if exact.z <= 100.0 {
-                        let shadow = rig.stripe().coordinate_of(rig.laser().shadow_on_floor(exact).unwrap());
-                        worst_place =
-                            worst_place.max((shadow - f64::from(geometry.ray_place(map, row))).abs());
-                    }
-                }
-            }
-            assert!(worst_height < 0.1, "height {worst_height}");
-            assert!(worst_place < 1.5, "place {worst_place}");
-        }
-    }
-
-    /// The rule: what is lit decides the maps. A laser lower than the highest mapped height has no light up there.
-    #[test]
-    fn a_low_laser_gives_true_heights_up_to_its_own() {
-        for (camera_height, laser_height, down, focal) in [
-            (300.0, 120.0, 19.0, 510.0),
-            (300.0, 120.0, 31.0, 510.0),
-            (260.0, 90.0, 20.0, 760.0),
-            (250.0, 60.0, 15.0, 510.0),
-        ] {
-            let camera = Vector::new(0.0, 0.0, camera_height);
-            let laser = Vector::new(0.0, 0.0, laser_height);
-            let rig = rig_of(camera, 0.0, down, focal, (1152, 648), laser, (-200.0, 200.0)).unwrap();
-            let geometry = filled(&rig);
-            let decimation = Decimation::for_line_scan(1152);
-            let mut worst = 0.0_f64;
-            for column in geometry.watched() {
-                let map = geometry.map(column).unwrap();
-                for tenth in 0..=8 {
-                    let row = map.row((laser_height * f64::from(tenth) / 10.0) as f32);
-                    if !(0.0..=647.0).contains(&row) {
-                        continue;
-                    }
-                    let pixel = Pixel { u: decimation.centre(column as u16), v: f64::from(row) };
-                    let exact = rig.laser().triangulate(rig.camera(), pixel).unwrap();
-                    worst = worst.max((exact.z - f64::from(map.height(row))).abs());
-                }
-            }
-            assert!(worst < 0.1, "camera {camera_height}, laser {laser_height}: {worst} mm");
-        }
-    }
-
-    #[test]
-    fn every_millimetre_of_the_stripe_is_watched() {
-        let rig = side_rig();
-        let geometry = filled(&rig);
-        let maps = geometry.maps();
-        assert!((maps.first().unwrap().floor_place + 500.0).abs() < 1.0);
-        assert!((maps.last().unwrap().floor_place - 560.0).abs() < 2.1);
-        let widest =
-            maps.windows(2).map(|pair| pair[1].floor_place - pair[0].floor_place).fold(0.0, f32::max);
-        assert!((1.9..2.2).contains(&widest), "far end: {widest} mm a column");
-        assert_eq!((*geometry.reaches().first().unwrap(), *geometry.reaches().last().unwrap()), (3, 1));
-    }
-
-    #[test]
-    fn a_row_without_meaning_has_no_height() {
-        let geometry = filled(&height_rig());
-        let map = geometry.maps()[500];
-        assert_eq!(map.height(map.floor_row), 0.0);
-        for row in [f32::NAN, f32::INFINITY, map.floor_row - 1.0 / map.perspective_per_row] {
-            assert!(map.height(row).is_nan(), "{row}");
-        }
-        assert!((map.height(map.row(77.0)) - 77.0).abs() < 1e-3);
-    }
-
-    #[test]
-    fn useless_geometry_is_refused_and_leaves_nothing_watched() {
-        let mut geometry = Box::new(StripeGeometry::<LARGEST_COLUMN_COUNT>::empty());
-        let within = rig_of(
-            Vector::new(0.0, 0.0, 200.0),
-            0.0,
-            30.0,
-            900.0,
-            (1152, 648),
-            Vector::new(0.0, 0.0, 200.0),
-            (-200.0, 200.0),
-        )
-        .unwrap();
-        assert_eq!(geometry.fill(&within, Decimation::none(1152)), Err(GeometryError::NoParallax));
-        assert_eq!(geometry.maps().len(), 0);
-        let along = rig_of(
-            Vector::new(-400.0, 500.0, 400.0),
-            90.0,
-            45.0,
-            900.0,
-            (1152, 648),
-            Vector::new(0.0, 0.0, 200.0),
-            (-100.0, 100.0),
-        )
-        .unwrap();
-        assert_eq!(geometry.fill(&along, Decimation::none(1152)), Err(GeometryError::StripeAlongColumns));
-        let wide = height_rig();
-        assert_eq!(geometry.fill(&wide, Decimation::none(2304)), Err(GeometryError::TooManyColumns));
-        let short = rig_of(
-            Vector::new(0.0, 0.0, 400.0),
-            0.0,
-            50.0,
-            30.0,
-            (32, 24),
-            Vector::new(0.0, 0.0, 200.0),
-            (-12.0, 12.0),
-        )
-        .unwrap();
-        assert_eq!(geometry.fill(&short, Decimation::none(32)), Err(GeometryError::TooFewColumns));
-    }
-}
+mod tests;

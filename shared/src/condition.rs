@@ -345,4 +345,12 @@ mod tests {
         }
         assert_eq!(LaserMode::from_code(3), None);
     }
+
+    /// A set: what is in it twice is in it.
+    #[test]
+    fn a_warning_that_is_added_twice_is_there() {
+        let once = Warnings::from_bits(0).with_if(Warnings::from_bits(4), true);
+        assert_eq!(once.with_if(Warnings::from_bits(4), true), once);
+        assert_eq!(once.with_if(Warnings::from_bits(8), false), once);
+    }
 }

@@ -214,10 +214,10 @@ impl<'a, G: FnMut(Gap)> Runs<'a, G> {
         let changed = self.before ^ verdict;
         self.before = verdict;
         if changed & SINGLE != 0 {
-            self.single.column(index, verdict & SINGLE != 0, |_| {});
+            self.single.turn(index, |_| {});
         }
         if changed & VOTED != 0 {
-            self.voted.column(index, verdict & VOTED != 0, &mut self.on_gap);
+            self.voted.turn(index, &mut self.on_gap);
         }
     }
 
@@ -242,12 +242,12 @@ impl<'a> LongestGap<'a> {
         Self { maps, bound: None, longest: None, longest_bits: 0 }
     }
 
-    /// Call for every column whose verdict is not that of the one before; the one before the first is floor.
-    fn column(&mut self, index: usize, floor: bool, on_gap: impl FnMut(Gap)) {
+    /// Call for every column whose verdict is not that of the one before; the one before the first is floor. So a gap
+    /// begins or ends here.
+    fn turn(&mut self, index: usize, on_gap: impl FnMut(Gap)) {
         match self.bound {
-            None if !floor => self.bound = Some(index.saturating_sub(1)),
-            Some(bound) if floor => self.close(bound, index, on_gap),
-            None | Some(_) => {}
+            None => self.bound = Some(index.saturating_sub(1)),
+            Some(bound) => self.close(bound, index, on_gap),
         }
     }
 
@@ -317,5 +317,34 @@ mod tests {
             let height = f32::from_bits(bits);
             prop_assert_eq!(is_floor(height), height.abs() <= FLOOR_TOLERANCE.get());
         }
+    }
+
+    /// More than half of a window, and more than half of the windows of all frames in the vote.
+    #[test]
+    fn half_is_no_majority() {
+        let vote = Vote::over(6);
+        let judged = |inside, before, oldest| vote.judge(inside, &mut u16::from_le_bytes([before, oldest]));
+        assert_eq!(judged(3, 6, 0), 0, "3 of 6, 9 of 18");
+        assert_eq!(judged(4, 5, 0), SINGLE, "4 of 6, 9 of 18");
+        assert_eq!(judged(3, 6, 1), VOTED, "3 of 6, 10 of 18");
+        assert_eq!(judged(4, 6, 0), SINGLE | VOTED, "4 of 6, 10 of 18");
+    }
+
+    #[test]
+    fn of_equally_long_gaps_the_first_is_told() {
+        let map = |place: f32| ColumnMap {
+            floor_row: 100.0,
+            floor_place: place,
+            height_per_row: 1.0,
+            perspective_per_row: 0.0,
+            bend_per_row: 0.0,
+            place_per_height: 0.0,
+        };
+        let maps: Vec<_> = (0_u8..30).map(|place| map(f32::from(place))).collect();
+        let mut gaps = LongestGap::new(&maps);
+        for turn in [3, 8, 13, 18, 22, 25] {
+            gaps.turn(turn, |_| {});
+        }
+        assert_eq!(gaps.finish(|_| {}), Some(Gap::between(2.0, 8.0)));
     }
 }

@@ -22,10 +22,10 @@ impl SizeClass {
     pub fn of(height: Millimetres) -> Self {
         if height >= LARGE_HEIGHT {
             Self::Large
-        } else if height < LARGE_HEIGHT {
-            Self::Small
-        } else {
+        } else if height.get().is_nan() {
             Self::Unknown
+        } else {
+            Self::Small
         }
     }
 }
@@ -244,5 +244,89 @@ impl OpenCluster {
             },
             columns: self.columns,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::columns::Decimation;
+    use crate::limits::LARGEST_COLUMN_COUNT;
+    use crate::testing::height_rig;
+
+    /// What is found on a stripe whose columns from 100 on have these heights, in runs of (columns, height); the rest is
+    /// floor.
+    fn found(runs: &[(usize, f32)]) -> (Heights, Vec<Cluster>, Vec<f32>) {
+        let rig = height_rig();
+        let mut geometry = Box::new(StripeGeometry::<LARGEST_COLUMN_COUNT>::empty());
+        geometry.fill(&rig, Decimation::for_line_scan(rig.image().width)).unwrap();
+        let places: Vec<f32> = geometry.maps().iter().map(|map| map.floor_place).collect();
+        let mut heights = vec![0.0; places.len()];
+        let raised = runs.iter().flat_map(|(columns, height)| core::iter::repeat_n(*height, *columns));
+        for (height, raised) in heights.iter_mut().skip(100).zip(raised) {
+            *height = raised;
+        }
+        let mut clusters = Vec::new();
+        let found = evaluate(&geometry, &heights, |cluster| clusters.push(cluster));
+        (found, clusters, places)
+    }
+
+    #[test]
+    fn floor_between_two_things_parts_them() {
+        let (_, clusters, places) = found(&[(10, 30.0), (1, 0.0), (20, 30.0)]);
+        let columns: Vec<_> = clusters.iter().map(|cluster| cluster.columns).collect();
+        assert_eq!(columns, [10, 20]);
+        assert_eq!((clusters[0].first.get(), clusters[0].last.get()), (places[100], places[109]));
+        assert_eq!((clusters[1].first.get(), clusters[1].last.get()), (places[111], places[130]));
+    }
+
+    #[test]
+    fn floor_between_two_unknown_stretches_parts_them() {
+        let (found, clusters, places) = found(&[(10, f32::NAN), (1, 0.0), (20, f32::NAN)]);
+        assert!(clusters.is_empty());
+        assert_eq!(found.longest_unknown.get(), places[130] - places[111]);
+    }
+
+    /// Two surfaces: a step of more than [`CLUSTER_STEP_MM`], or from above the floor to below it.
+    #[test]
+    fn a_step_parts_two_surfaces() {
+        let columns = |runs: &[(usize, f32)]| found(runs).1.iter().map(|one| one.columns).collect::<Vec<_>>();
+        assert_eq!(columns(&[(10, 20.0), (10, 20.0 + CLUSTER_STEP_MM)]), [20]);
+        assert_eq!(columns(&[(10, 20.0), (10, (20.0 + CLUSTER_STEP_MM).next_up())]), [10, 10]);
+        assert_eq!(columns(&[(10, 20.0), (10, 20.0 - CLUSTER_STEP_MM)]), [20]);
+        assert_eq!(columns(&[(10, 4.0), (10, -4.0)]), [10, 10]);
+    }
+
+    #[test]
+    fn of_equally_high_and_equally_low_things_the_first_is_told() {
+        let runs = [(9, 30.0), (9, 0.0), (9, 30.0), (9, 0.0), (9, -8.0), (9, 0.0), (9, -8.0)];
+        let (found, clusters, _) = found(&runs);
+        assert_eq!(clusters.len(), 4);
+        assert_eq!(found.highest.unwrap(), clusters[0].extreme);
+        assert_eq!(found.lowest.unwrap(), clusters[2].extreme);
+        assert_ne!(clusters[0].extreme.place, clusters[1].extreme.place);
+    }
+
+    /// One cluster's height, and which of its columns it was seen in.
+    fn height_of(heights: &[f32]) -> (f32, usize) {
+        let runs: Vec<_> = heights.iter().map(|height| (1, *height)).collect();
+        let (_, clusters, places) = found(&runs);
+        let [cluster] = clusters[..] else { panic!("{clusters:?}") };
+        let column = places.iter().position(|place| *place == cluster.extreme.place.get()).unwrap();
+        (cluster.extreme.height.get(), column - 100)
+    }
+
+    /// The rule: of two columns the smaller one; from three on the largest median of three neighbours, where it is
+    /// first reached.
+    #[test]
+    fn the_height_of_a_cluster_is_its_largest_median_of_three() {
+        assert_eq!(height_of(&[20.0, 30.0]).0, 20.0);
+        assert_eq!(height_of(&[30.0, 20.0]).0, 20.0);
+        assert_eq!(height_of(&[20.0, 30.0, 25.0]).0, 25.0);
+        assert_eq!(height_of(&[30.0, 30.0, 44.0, 30.0, 30.0]).0, 30.0, "one wild column");
+        assert_eq!(height_of(&[20.0, 22.0, 24.0, 26.0]), (24.0, 2));
+        assert_eq!(height_of(&[26.0, 24.0, 22.0, 20.0]), (24.0, 1));
+        assert_eq!(height_of(&[30.0; 6]), (30.0, 1));
+        assert_eq!(height_of(&[-8.0, -9.0, -10.0, -9.5, -8.0]), (-9.5, 2));
     }
 }

@@ -158,4 +158,30 @@ mod tests {
         };
         assert_eq!(paper.height(1000.0, -1000.0), None);
     }
+
+    /// The sine between line of sight and sheet decides, not the length of the vector that names the direction.
+    #[test]
+    fn a_line_of_sight_that_grazes_the_sheet_meets_nothing() {
+        let (floor, start) = (Vector::new(0.0, 0.0, 1.0), Vector::new(0.0, 0.0, 100.0));
+        let sheet = Laser { origin: start, normal: floor, offset: 0.0 };
+        for length in [1e-3, 1.0, 1e3] {
+            let down = |sine: f64| sheet.meet(start, Vector::new(length, 0.0, -sine * length));
+            assert_eq!(down(0.9 * SMALLEST_CROSSING), None);
+            assert!(down(1.1 * SMALLEST_CROSSING).is_some(), "{length}");
+            assert!(down(0.5).is_some(), "{length}");
+        }
+    }
+
+    #[test]
+    fn the_sheet_lies_ahead_or_nowhere() {
+        let sheet = Laser {
+            origin: Vector::new(0.0, 0.0, 200.0),
+            normal: Vector::new(0.0, 0.0, 1.0),
+            offset: 0.0,
+        };
+        let down = Vector::new(0.0, 0.0, -1.0);
+        assert_eq!(sheet.meet(Vector::new(0.0, 0.0, 0.0), down), None, "it begins on the sheet");
+        assert_eq!(sheet.meet(Vector::new(0.0, 0.0, -1.0), down), None, "the sheet is behind it");
+        assert_eq!(sheet.meet(Vector::new(3.0, 4.0, 1.0), down), Some(Vector::new(3.0, 4.0, 0.0)));
+    }
 }

@@ -545,4 +545,16 @@ mod tests {
         let refused = encode(&mut message, &header(), &columns, &BrightnessProfile::DARK, &[]);
         assert_eq!(refused, Err(LineScanError::Field));
     }
+
+    #[test]
+    fn as_many_windows_as_fit_are_written_and_no_more() {
+        let window = AuditWindow { column: 1, first_row: 2, pixels: [3; AUDIT_PIXELS] };
+        let with = |count| {
+            let mut message = [0; LINE_SCAN_LENGTH];
+            let windows = vec![window; count];
+            encode(&mut message, &header(), &[LineScanColumn::MISSING], &BrightnessProfile::DARK, &windows)
+        };
+        assert_eq!(with(LARGEST_AUDIT_COUNT), Ok(()));
+        assert_eq!(with(LARGEST_AUDIT_COUNT + 1), Err(LineScanError::Field));
+    }
 }

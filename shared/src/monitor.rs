@@ -218,6 +218,7 @@ fn trusted_height(map: &ColumnMap, reading: ColumnReading) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::units::Millimetres;
     use proptest::prelude::*;
 
     #[test]
@@ -244,6 +245,79 @@ mod tests {
             let height = f32::from_bits(bits);
             let low = height > FLOOR_TOLERANCE.get() && height < RUN_OVER_HEIGHT.get();
             prop_assert_eq!(is_low(height), low);
+        }
+    }
+
+    /// A report of these gaps: the vote's, and this frame's alone.
+    fn report(voted: Option<f32>, single: Option<f32>) -> StripeReport {
+        let gap = |length: f32| Gap::between(0.0, length);
+        let cutoff = Cutoff { voted: voted.map(gap), single: single.map(gap), floor_columns: 9 };
+        StripeReport { cutoff, watched_columns: 10, ..StripeReport::default() }
+    }
+
+    #[test]
+    fn a_gap_of_the_limit_is_allowed_and_a_longer_one_is_not() {
+        let (allowed, at_once) = (LONGEST_ALLOWED_GAP.get(), IMMEDIATE_GAP.get());
+        assert!(!report(Some(allowed), None).is_cut());
+        assert!(report(Some(allowed.next_up()), None).is_cut());
+        assert!(!report(None, Some(at_once)).is_cut());
+        assert!(report(None, Some(at_once.next_up())).is_cut());
+        assert!(StripeReport { watched_columns: 0, ..report(None, None) }.is_cut());
+    }
+
+    #[test]
+    fn the_longer_gap_is_told_and_this_frame_s_only_if_it_trips() {
+        let told = |voted, single| report(voted, single).longest_gap().map(|gap| gap.length().get());
+        let at_once = IMMEDIATE_GAP.get();
+        assert_eq!(told(None, Some(at_once)), None);
+        assert_eq!(told(None, Some(30.0)), Some(30.0));
+        assert_eq!(told(Some(3.0), Some(at_once)), Some(3.0));
+        assert_eq!(told(Some(3.0), Some(30.0)), Some(30.0));
+        assert_eq!(told(Some(40.0), Some(30.0)), Some(40.0));
+    }
+
+    #[test]
+    fn only_a_stripe_without_any_trace_is_missing() {
+        let trace = Some(crate::height::Extreme { height: Millimetres::new(9.0), place: Millimetres::ZERO });
+        let none = StripeReport { watched_columns: 10, ..StripeReport::default() };
+        assert!(none.is_stripe_missing());
+        assert!(!report(None, None).is_stripe_missing());
+        let raised = Heights { highest: trace, ..Heights::default() };
+        let below = Heights { lowest: trace, ..Heights::default() };
+        for heights in [raised, below] {
+            assert!(!StripeReport { heights, ..none }.is_stripe_missing());
+        }
+    }
+
+    #[test]
+    fn more_than_the_allowed_gap_without_stripe_has_no_known_size() {
+        let size = |unknown: f32| {
+            let heights = Heights { longest_unknown: Millimetres::new(unknown), ..Heights::default() };
+            StripeReport { heights, ..report(None, None) }.size()
+        };
+        assert_eq!(size(LONGEST_ALLOWED_GAP.get()), None);
+        assert_eq!(size(LONGEST_ALLOWED_GAP.get().next_up()), Some(SizeClass::Unknown));
+    }
+
+    /// Columns exactly at the ends of a permit's stretch belong to it, whichever way the places run.
+    #[test]
+    fn a_stretch_has_both_its_ends() {
+        for rising in [true, false] {
+            let place = |column: i8| f32::from(if rising { column } else { 30 - column });
+            let maps: Vec<_> = (0..=30_i8)
+                .map(|column| ColumnMap {
+                    floor_row: 100.0,
+                    floor_place: place(column),
+                    height_per_row: 1.0,
+                    perspective_per_row: 0.0,
+                    bend_per_row: 0.0,
+                    place_per_height: 0.0,
+                })
+                .collect();
+            let mut heights = [10.0; 31];
+            let passed = let_pass(&maps, &mut heights, Stretch::new(10, 20).unwrap());
+            assert_eq!(passed, Some(Gap::between(10.0, 20.0)));
+            assert_eq!(heights.iter().filter(|height| **height == 0.0).count(), 11);
         }
     }
 }

@@ -504,4 +504,24 @@ mod tests {
             prop_assert!(Rig::from_bytes(&bytes).is_err());
         }
     }
+
+    /// Both ends of the stripe may lie up to a pixel and a half beyond the picture's edges, and no further.
+    #[test]
+    fn the_ends_of_the_stripe_are_seen_up_to_the_grace() {
+        let rig = height_rig();
+        let at = |s: f64| rig.camera.project(rig.stripe.at(s)).unwrap();
+        let (first, last) = (at(rig.stripe.start), at(rig.stripe.end));
+        let (width, height) = (f64::from(rig.image.width), f64::from(rig.image.height));
+        let across = |shift: f64| field(with(|rig| rig.camera.intrinsics.cx += shift));
+        let down = |shift: f64| field(with(|rig| rig.camera.intrinsics.cy += shift));
+        assert_eq!(across(-1.99 - first.u), "accepted");
+        assert_eq!(across(-2.01 - first.u), "stripe.start_mm");
+        assert_eq!(across(width + 0.99 - last.u), "accepted");
+        assert_eq!(across(width + 1.01 - last.u), "stripe.end_mm");
+        let (upper, lower) = (first.v.min(last.v), first.v.max(last.v));
+        assert_eq!(down(-1.99 - upper), "accepted");
+        assert_ne!(down(-2.01 - upper), "accepted");
+        assert_eq!(down(height + 0.99 - lower), "accepted");
+        assert_ne!(down(height + 1.01 - lower), "accepted");
+    }
 }

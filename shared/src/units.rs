@@ -291,4 +291,12 @@ mod tests {
         assert_eq!((one.plus(two), one.minus(two)), (Millimetres::new(-2.5), Millimetres::new(5.5)));
         assert_eq!((two.abs(), one.abs()), (Millimetres::new(4.0), one));
     }
+
+    /// A row above the picture is no row, however near to it; the first row is one.
+    #[test]
+    fn rows_begin_at_the_first_one() {
+        assert_eq!(SubpixelRow::from_pixels(0.0), Some(SubpixelRow::from_raw(0)));
+        assert_eq!(SubpixelRow::from_pixels(-0.01), None);
+        assert_eq!(SubpixelRow::from_pixels(-1.0), None);
+    }
 }

@@ -500,3 +500,9 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn only_exchanges_with_a_line_scan_have_accepted_one() {
+    let accepted = ExchangeKind::ALL.map(ExchangeKind::is_accepted);
+    assert_eq!(accepted, [true, true, false, false, false]);
+}

@@ -3,7 +3,8 @@
 //! Each group is one run of cargo-mutants over some files, against the unit tests of their own package. Mutants that
 //! no test can tell from the original are named in `.cargo/mutants.toml`, each with its reason.
 //!
-//! A run is made in two passes: quickly, without the few slow tests; and with every test for what survived that.
+//! Nearly all are judged in one build, in which each can be switched on (`tests/mutation`); what that cannot judge, and
+//! what survives it, by cargo-mutants one at a time.
 
 use crate::run::{self, Step};
 use crate::slow_tests;
@@ -94,23 +95,9 @@ const GROUPS: [Group; 6] = [
     },
 ];
 
-/// How a run judges its mutants.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Pass {
-    /// Unoptimised, which builds quickest, and without the slow tests: nearly all mutants are caught here.
-    Quick,
-    /// What survived the quick pass, with every test.
-    Thorough,
-}
-
-/// Processor time of one run of the unit tests, in seconds, by [`Pass`]; many times what they need, and not longer on
-/// a machine that is busy with other things. A mutant that makes them run for ever is caught by it.
-const fn processor_seconds(pass: Pass) -> u32 {
-    match pass {
-        Pass::Quick => 15,
-        Pass::Thorough => 60,
-    }
-}
+/// Processor time of one run of the unit tests, in seconds; many times what they need, and not longer on a machine that
+/// is busy with other things. A mutant that makes them run for ever is caught by it.
+const PROCESSOR_SECONDS: &str = "60";
 
 impl Group {
     fn output(&self) -> PathBuf {
@@ -126,7 +113,7 @@ impl Group {
         chosen.flat_map(|name| ["--file".to_owned(), self.file(name)]).collect()
     }
 
-    /// Quickly first; what survives, or all that an earlier run has not seen caught, with every test.
+    /// All that can be switched on in one build first, unless an earlier run has; then what is left, one by one.
     fn run(&self, resume: bool, only: Option<&str>, jobs: &str) -> Result<Verdicts> {
         let output = self.output();
         if !resume && output.exists() {
@@ -134,16 +121,39 @@ impl Group {
         }
         std::fs::create_dir_all(&output).with_context(|| output.display().to_string())?;
         let mutants = self.mutants(only)?;
-        let mut verdicts = Verdicts::of(&output, &mutants)?;
-        if verdicts.open() > verdicts.survived.len() {
-            self.pass(Pass::Quick, only, jobs)?;
-            verdicts = Verdicts::of(&output, &mutants)?;
+        if Verdicts::of(&output, &mutants)?.open().len() > FEW {
+            self.switched(only, jobs)?;
         }
-        if !verdicts.survived.is_empty() {
-            self.pass(Pass::Thorough, only, jobs)?;
-            verdicts = Verdicts::of(&output, &mutants)?;
+        let open = Verdicts::of(&output, &mutants)?.open();
+        if !open.is_empty() {
+            self.one_by_one(&open, only, jobs)?;
         }
-        Ok(verdicts)
+        Verdicts::of(&output, &mutants)
+    }
+
+    /// Judges by tests/mutation what it can. A survivor stays open: cargo-mutants has the last word on it.
+    fn switched(&self, only: Option<&str>, jobs: &str) -> Result<()> {
+        let output = self.output();
+        let [list, tree, verdicts] = ["list.json", "switched", "switched.json"].map(|name| output.join(name));
+        let mut arguments =
+            vec!["mutants", "--list", "--json", "--package", self.package, "--colors", "never"];
+        let files = self.chosen_files(only);
+        arguments.extend(files.iter().map(String::as_str));
+        let json = Step::cargo(&arguments).standard_output()?;
+        std::fs::write(&list, json).with_context(|| list.display().to_string())?;
+        let root = run::root();
+        let [root, list, tree, path] = [&root, &list, &tree, &verdicts].map(|path| path.display().to_string());
+        let slow: Vec<_> = slow_tests::of(self.package)
+            .flat_map(|test| ["--slow".to_owned(), format!("{}:{test}", self.package)])
+            .collect();
+        let mut arguments = vec!["run", "--package", "nearfield-mutation", "--", "--jobs", jobs];
+        arguments.extend(["--root", &root, "--tree", &tree, "--list", &list, "--verdicts", &path]);
+        arguments.extend(["--processor-seconds", PROCESSOR_SECONDS]);
+        arguments.extend(slow.iter().map(String::as_str));
+        Step::cargo(&arguments).run()?;
+        let mut found = verdicts_in(&verdicts)?;
+        found.retain(|_, verdict| verdict != "missed");
+        add_verdicts(&output, found)
     }
 
     /// The names of all mutants.
@@ -158,32 +168,28 @@ impl Group {
         Ok(text.lines().filter(|line| line.contains(".rs:")).map(str::to_owned).collect())
     }
 
-    fn pass(&self, pass: Pass, only: Option<&str>, jobs: &str) -> Result<()> {
+    /// One build for each of these mutants.
+    fn one_by_one(&self, mutants: &[String], only: Option<&str>, jobs: &str) -> Result<()> {
         let output = self.output().display().to_string();
         let mut arguments = vec!["mutants", "--package", self.package, "--test-package", self.package];
         arguments.extend(["--jobs", jobs, "--output", &output, "--no-shuffle", "--colors", "never"]);
         // Only a build or a test that waits for something is stopped by the clock.
-        arguments.extend(["--timeout", "600", "--build-timeout", "900", "--iterate"]);
-        let runner = format!(
-            "--cargo-arg=--config=target.\"cfg(unix)\".runner=[\"prlimit\",\"--cpu={}\"]",
-            processor_seconds(pass)
-        );
+        arguments.extend(["--timeout", "600", "--build-timeout", "900"]);
+        let runner =
+            format!("--cargo-arg=--config=target.\"cfg(unix)\".runner=[\"prlimit\",\"--cpu={PROCESSOR_SECONDS}\"]");
         if Step::program("prlimit", &["--version"]).capture().is_ok_and(|(success, _)| success) {
             arguments.push(&runner);
         }
         let files = self.chosen_files(only);
         arguments.extend(files.iter().map(String::as_str));
+        let names: Vec<_> = mutants.iter().map(|name| exactly(name)).collect();
+        arguments.extend(names.iter().flat_map(|name| ["--re", name.as_str()]));
         // Only the package's own unit tests judge: a mutant must be caught beside the code, not by chance elsewhere.
         arguments.extend(["--", "--lib"]);
-        if pass == Pass::Quick {
-            arguments.push("--");
-            arguments.extend(slow_tests::left_out(self.package));
-        }
-        let optimisation = if pass == Pass::Quick { "0" } else { "1" };
         // Exit code 2 = survivors, 3 = time-outs: told from the verdicts.
         let step = Step::cargo(&arguments)
-            .env("CARGO_PROFILE_DEV_OPT_LEVEL", optimisation)
-            .env("CARGO_PROFILE_TEST_OPT_LEVEL", optimisation)
+            .env("CARGO_PROFILE_DEV_OPT_LEVEL", "1")
+            .env("CARGO_PROFILE_TEST_OPT_LEVEL", "1")
             .env("CARGO_PROFILE_TEST_DEBUG", "0")
             .env("CARGO_INCREMENTAL", "1")
             // A backtrace for each of a mutant's failures costs more processor time than the tests.
@@ -194,6 +200,18 @@ impl Group {
     }
 }
 
+/// So few are judged one by one at once: the one build takes longer.
+const FEW: usize = 20;
+
+/// A regular expression that only this text matches.
+fn exactly(text: &str) -> String {
+    let escaped = text.chars().flat_map(|character| {
+        let escape = r"\.+*?()|[]{}^$".contains(character).then_some('\\');
+        escape.into_iter().chain([character])
+    });
+    format!("^{}$", escaped.collect::<String>())
+}
+
 /// What became of a group's mutants in all runs so far.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Verdicts {
@@ -202,6 +220,7 @@ struct Verdicts {
     unviable: usize,
     timed_out: usize,
     survived: Vec<String>,
+    unjudged: Vec<String>,
 }
 
 /// cargo-mutants' lists of one run, the later one wins.
@@ -211,7 +230,7 @@ impl Verdicts {
     fn of(output: &Path, mutants: &BTreeSet<String>) -> Result<Self> {
         // A run that was interrupted has left its lists where cargo-mutants puts them.
         keep_verdicts(output)?;
-        let kept = kept_verdicts(output)?;
+        let kept = verdicts_in(&verdict_file(output))?;
         let mut verdicts = Self { total: mutants.len(), ..Self::default() };
         for mutant in mutants {
             match kept.get(mutant).map(String::as_str) {
@@ -219,15 +238,15 @@ impl Verdicts {
                 Some("unviable") => verdicts.unviable += 1,
                 Some("timeout") => verdicts.timed_out += 1,
                 Some("missed") => verdicts.survived.push(mutant.clone()),
-                _ => {}
+                _ => verdicts.unjudged.push(mutant.clone()),
             }
         }
         Ok(verdicts)
     }
 
     /// Mutants that are not known to be noticed or not to build.
-    fn open(&self) -> usize {
-        self.total - self.caught - self.unviable - self.timed_out
+    fn open(&self) -> Vec<String> {
+        [&self.survived[..], &self.unjudged[..]].concat()
     }
 }
 
@@ -235,23 +254,30 @@ fn verdict_file(output: &Path) -> PathBuf {
     output.join("verdicts.json")
 }
 
-fn kept_verdicts(output: &Path) -> Result<BTreeMap<String, String>> {
-    let path = verdict_file(output);
-    match std::fs::read_to_string(&path) {
+/// Verdicts by the mutants' names; none if there is no such file.
+fn verdicts_in(path: &Path) -> Result<BTreeMap<String, String>> {
+    match std::fs::read_to_string(path) {
         Ok(text) => serde_json::from_str(&text).with_context(|| path.display().to_string()),
         Err(_) => Ok(BTreeMap::new()),
     }
 }
 
-/// Adds the lists of the last run to those of the runs before: cargo-mutants itself keeps only the last.
+/// Adds cargo-mutants' lists of the last run to those of the runs before: it keeps only the last itself.
 fn keep_verdicts(output: &Path) -> Result<()> {
-    let mut kept = kept_verdicts(output)?;
+    let mut found = BTreeMap::new();
     for list in LISTS {
         let path = output.join("mutants.out").join(list).with_extension("txt");
         let Ok(text) = std::fs::read_to_string(&path) else { continue };
-        kept.extend(text.lines().map(|mutant| (mutant.to_owned(), list.to_owned())));
+        found.extend(text.lines().map(|mutant| (mutant.to_owned(), list.to_owned())));
     }
+    add_verdicts(output, found)
+}
+
+/// The later verdict wins.
+fn add_verdicts(output: &Path, found: BTreeMap<String, String>) -> Result<()> {
     let path = verdict_file(output);
+    let mut kept = verdicts_in(&path)?;
+    kept.extend(found);
     std::fs::write(&path, serde_json::to_string_pretty(&kept)?).with_context(|| path.display().to_string())
 }
 
@@ -292,13 +318,16 @@ pub fn check(rest: &[String]) -> Result<()> {
     for mutant in &survivors {
         println!("survived: {mutant}");
     }
-    let open: usize = rows.iter().map(|(_, row)| row.open()).sum();
-    if open > 0 {
+    let unjudged: Vec<_> = rows.iter().flat_map(|(_, row)| &row.unjudged).collect();
+    for mutant in &unjudged {
+        println!("not judged: {mutant}");
+    }
+    if !survivors.is_empty() || !unjudged.is_empty() {
         bail!(
             "{} mutants survive and {} were not judged: add a test that states the rule, or name the mutant in \
              .cargo/mutants.toml with the reason why it is equivalent",
             survivors.len(),
-            open - survivors.len()
+            unjudged.len()
         );
     }
     Ok(())
@@ -322,6 +351,12 @@ mod tests {
         assert_eq!(listed, found);
     }
 
+    /// A name with brackets and stars must not match another one.
+    #[test]
+    fn a_name_matches_itself_only() {
+        assert_eq!(exactly("a.rs:1:2: replace * with +"), r"^a\.rs:1:2: replace \* with \+$");
+    }
+
     /// Runs are added up: the later one wins, and what the source no longer has does not count.
     #[test]
     fn verdicts_of_several_runs_are_added_up() -> Result<()> {
@@ -336,7 +371,7 @@ mod tests {
         std::fs::write(lists.join("missed.txt"), "c\n")?;
         let second = Verdicts::of(&output, &mutants)?;
         std::fs::remove_dir_all(&output)?;
-        assert_eq!((first.caught, first.survived.len(), first.open()), (1, 2, 3));
+        assert_eq!((first.caught, first.survived.len(), first.open().len()), (1, 2, 3));
         assert_eq!((second.caught, second.survived, second.total), (2, vec!["c".to_owned()], 4));
         Ok(())
     }

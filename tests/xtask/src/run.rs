@@ -74,6 +74,16 @@ impl Step {
         Ok(())
     }
 
+    /// Runs it silently; gives what it printed for programs, or an error with what it printed for people.
+    pub fn standard_output(mut self) -> Result<String> {
+        let output = self.command.stdin(Stdio::null()).output();
+        let output = output.with_context(|| format!("cannot start `{}`", self.words))?;
+        if !output.status.success() {
+            bail!("`{}` failed:\n{}", self.words, String::from_utf8_lossy(&output.stderr));
+        }
+        Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+    }
+
     /// Runs it silently; gives success and all that it printed.
     pub fn capture(mut self) -> Result<(bool, String)> {
         let output = self
