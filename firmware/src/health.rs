@@ -333,4 +333,94 @@ mod tests {
         }
         crate::testing::all_differ(all.iter().map(|health| health.words().collect::<Vec<_>>()));
     }
+
+    /// A segment of 50 columns, seen often enough.
+    fn segment(heights: impl Fn(usize) -> f32) -> Segment {
+        let mut segment = Segment::UNSEEN;
+        let heights: Vec<_> = (0..50).map(heights).collect();
+        for _ in 0..FEWEST_VALUES {
+            segment.update(&heights);
+        }
+        segment
+    }
+
+    #[test]
+    fn half_of_a_segment_must_show_floor() {
+        for (floor_columns, judged) in [(0, false), (24, false), (25, true), (26, true)] {
+            let segment = segment(|column| if column < floor_columns { 0.5 } else { 40.0 });
+            assert_eq!(segment.is_judged(), judged, "{floor_columns}");
+            assert_eq!(segment.offset, if judged { 0.5 } else { 0.0 });
+        }
+    }
+
+    /// The first value counts in full, every further one by a twelfth.
+    #[test]
+    fn a_mean_follows_slowly() {
+        let mut segment = segment(|_| 1.0);
+        assert!((segment.offset - 1.0).abs() < 1e-6);
+        segment.update(&[0.0; 50]);
+        assert!((segment.offset - 11.0 / 12.0).abs() < 1e-6, "{}", segment.offset);
+    }
+
+    /// Scatter is measured about the mean, and both take their part of the capability.
+    #[test]
+    fn offset_and_scatter_add_up_in_the_smallest_object() {
+        let segment = segment(|column| if column % 2 == 0 { 1.2 } else { 0.6 });
+        assert!((segment.offset - 0.9).abs() < 1e-5 && (segment.variance - 0.09).abs() < 1e-5, "{segment:?}");
+        let expected = FLOOR_TOLERANCE.get() + 0.9 + 3.0 * 0.3;
+        assert!((segment.smallest_object() - expected).abs() < 0.01, "{}", segment.smallest_object());
+    }
+
+    /// A health whose segments have these offsets, without scatter, at their numbers as places.
+    fn with_offsets(offsets: [f32; SEGMENTS]) -> HealthReport {
+        let mut health = Health::new();
+        for ((segment, offset), place) in health.segments.iter_mut().zip(offsets).zip(0_u8..) {
+            *segment = Segment { offset, variance: 0.0, place: f32::from(place), values: FEWEST_VALUES };
+        }
+        health.report()
+    }
+
+    #[test]
+    fn of_equally_blind_places_the_first_is_told() {
+        let mut offsets = [0.0; SEGMENTS];
+        (offsets[3], offsets[9]) = (-0.25, 0.25);
+        assert_eq!(with_offsets(offsets).figures.smallest_object_place, Millimetres::new(3.0));
+    }
+
+    #[test]
+    fn exactly_at_a_warning_s_limit_there_is_none() {
+        let limit = WARNING_FLOOR_OFFSET.get();
+        assert!(!with_offsets([limit; SEGMENTS]).offset_warning);
+        assert!(with_offsets([limit.next_up(); SEGMENTS]).offset_warning);
+        // The offset that brings the smallest object exactly to its limit, within the rounding of the sum.
+        let limit = WARNING_OBJECT_HEIGHT.get();
+        let smallest = |offset: f32| with_offsets([offset; SEGMENTS]).figures.smallest_object.get();
+        let mut offset = limit - smallest(0.0);
+        while smallest(offset) < limit {
+            offset = offset.next_up();
+        }
+        assert_eq!(smallest(offset), limit);
+        assert!(!with_offsets([offset; SEGMENTS]).visibility_warning);
+        while smallest(offset) <= limit {
+            offset = offset.next_up();
+        }
+        assert!(with_offsets([offset; SEGMENTS]).visibility_warning);
+    }
+
+    #[test]
+    fn without_a_judged_segment_no_offset_is_told() {
+        assert_eq!(Health::new().report(), HealthReport::UNSEEN);
+    }
+
+    /// Damage in one place changes the words whatever stands in the others.
+    #[test]
+    fn no_field_hides_another_one_from_the_memory_check() {
+        let words = |variance: u32, values: u8| {
+            let mut health = Health::new();
+            health.segments[0] = Segment { variance: f32::from_bits(variance), values, ..Segment::UNSEEN };
+            health.words().next()
+        };
+        assert_ne!(words(2, 3), words(2, 1));
+        assert_ne!(words(2, 3), words(3, 3));
+    }
 }

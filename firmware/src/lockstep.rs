@@ -448,4 +448,19 @@ mod tests {
         }
         assert_eq!(MalformedRecord.to_string(), "malformed lock-step record");
     }
+
+    /// The bits of a pulse test's result, as the other side writes them.
+    #[test]
+    fn a_pulse_s_bits_mean_what_the_format_says() {
+        let pulse = |channel, a, b| Some(Some(PulseReadback { channel, coils: Channels { a, b } }));
+        assert_eq!(pulse_from_bits(0b0000), Some(None));
+        assert_eq!(pulse_from_bits(0b0001), pulse(Channel::A, false, false));
+        assert_eq!(pulse_from_bits(0b0011), pulse(Channel::B, false, false));
+        assert_eq!(pulse_from_bits(0b0101), pulse(Channel::A, true, false));
+        assert_eq!(pulse_from_bits(0b1001), pulse(Channel::A, false, true));
+        assert_eq!(pulse_from_bits(0b1111), pulse(Channel::B, true, true));
+        for bits in [0b0010, 0b1110, 0b1_0001] {
+            assert_eq!(pulse_from_bits(bits), None, "{bits:b}");
+        }
+    }
 }

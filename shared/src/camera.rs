@@ -280,7 +280,8 @@ pub(crate) mod tests {
         ];
         for (distortion, radius) in folds {
             for (across, down) in [(1.0, 0.0), (0.0, 1.0), (0.6, 0.8)] {
-                let at = |share: f64| plain(distortion).distort(share * radius * across, share * radius * down);
+                let at =
+                    |share: f64| plain(distortion).distort(share * radius * across, share * radius * down);
                 assert!(at(0.999).is_some(), "{distortion:?} within {radius}");
                 assert_eq!(at(1.001), None, "{distortion:?} beyond {radius}");
             }

@@ -174,11 +174,8 @@ mod tests {
 
     #[test]
     fn the_sheet_lies_ahead_or_nowhere() {
-        let sheet = Laser {
-            origin: Vector::new(0.0, 0.0, 200.0),
-            normal: Vector::new(0.0, 0.0, 1.0),
-            offset: 0.0,
-        };
+        let sheet =
+            Laser { origin: Vector::new(0.0, 0.0, 200.0), normal: Vector::new(0.0, 0.0, 1.0), offset: 0.0 };
         let down = Vector::new(0.0, 0.0, -1.0);
         assert_eq!(sheet.meet(Vector::new(0.0, 0.0, 0.0), down), None, "it begins on the sheet");
         assert_eq!(sheet.meet(Vector::new(0.0, 0.0, -1.0), down), None, "the sheet is behind it");

@@ -524,4 +524,37 @@ mod tests {
         assert_eq!(down(height + 0.99 - lower), "accepted");
         assert_ne!(down(height + 1.01 - lower), "accepted");
     }
+
+    /// The farthest coordinate is allowed, and nothing beyond it, along each axis for itself.
+    #[test]
+    fn laser_and_camera_lie_within_ten_metres() {
+        let axes = [Vector::new(1.0, 0.0, 0.0), Vector::new(0.0, 1.0, 0.0), Vector::new(0.0, 0.0, 1.0)];
+        for (axis, signs) in axes.into_iter().zip([&[-1.0, 1.0][..], &[-1.0, 1.0], &[1.0]]) {
+            for (sign, distance, allowed) in signs.iter().flat_map(|sign| {
+                [(*sign, FARTHEST_COORDINATE_MM, true), (*sign, FARTHEST_COORDINATE_MM.next_up(), false)]
+            }) {
+                // Both stand 20 mm high, unless they are moved upwards.
+                let mount = Vector::new(0.0, 0.0, 20.0 * (1.0 - axis.z));
+                let place = mount.plus(axis.scaled(sign * distance));
+                let laser = Laser { origin: place, normal: axis, offset: axis.dot(place) };
+                assert_eq!(check_laser(&laser).is_ok(), allowed, "laser {place:?}");
+                // Looks straight down: the centre of such a pose is exact.
+                let [right, down, forward] =
+                    [Vector::new(1.0, 0.0, 0.0), Vector::new(0.0, -1.0, 0.0), Vector::new(0.0, 0.0, -1.0)];
+                let translation = Vector::new(-place.x, place.y, place.z);
+                let pose = Pose { rotation: [right, down, forward], translation };
+                assert_eq!(pose.centre(), place);
+                assert_eq!(check_pose(&pose).is_ok(), allowed, "camera {place:?}");
+            }
+        }
+    }
+
+    /// The plane has to hold the laser and the stripe, on whichever side of it they are said to lie.
+    #[test]
+    fn a_plane_that_misses_laser_or_stripe_is_refused_on_both_sides() {
+        for side in [-1.0, 1.0] {
+            assert_eq!(field(with(|rig| rig.laser.offset += side * 1.5)), "laser.plane_offset_mm");
+            assert_eq!(field(with(|rig| rig.stripe.point.y += side * 5.0)), "stripe.start_mm");
+        }
+    }
 }

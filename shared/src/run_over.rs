@@ -327,4 +327,31 @@ mod tests {
             prop_assert_eq!(round_trip(Some(claim)), Some(Some(claim)));
         }
     }
+
+    #[test]
+    fn what_differs_has_other_words_for_the_memory_check() {
+        let one = claim(Category::Tool);
+        let mut words: Vec<_> = Category::ALL.map(|category| claim(category).words()).to_vec();
+        words.extend([
+            Claim { stretch: stretch(-21, 30), ..one }.words(),
+            Claim { stretch: stretch(-20, 31), ..one }.words(),
+            Claim { confidence: 254, ..one }.words(),
+            Claim { confidence: 1, ..one }.words(),
+            Claim { age: Micros::from_millis(41), ..one }.words(),
+            [0; 2],
+        ]);
+        for (index, one) in words.iter().enumerate() {
+            assert!(words.iter().skip(index + 1).all(|other| other != one), "{one:x?}");
+        }
+    }
+
+    #[test]
+    fn a_permit_for_anything_is_not_none() {
+        assert!(RunOverPermit::NONE.is_none());
+        for slot in 0..LARGEST_CLAIM_COUNT {
+            let mut permit = RunOverPermit::NONE;
+            permit.stretches[slot] = Some(stretch(0, 1));
+            assert!(!permit.is_none());
+        }
+    }
 }

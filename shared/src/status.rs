@@ -576,4 +576,20 @@ mod tests {
             prop_assert!(Status::parse(&bytes).is_err());
         }
     }
+
+    /// No permit is zeros throughout; a stretch without a time, or with its ends swapped, is no permit but an error.
+    #[test]
+    fn a_permit_is_whole_or_nothing() {
+        let parsed = |start: i32, end: i32, time: u32| {
+            let bytes = [start.to_le_bytes(), end.to_le_bytes(), time.to_le_bytes()].concat();
+            parse_permit(&mut Reader::new(&bytes)).map(|permit| permit.is_some())
+        };
+        assert_eq!(parsed(0, 0, 0), Some(false));
+        for (start, end) in [(0, 5_000), (-5_000, 0), (-5_000, 5_000)] {
+            assert_eq!(parsed(start, end, 0), None);
+            assert_eq!(parsed(start, end, 1), Some(true));
+            assert_eq!(parsed(end, start, 1), None);
+        }
+        assert_eq!(parsed(0, 0, 1), Some(true));
+    }
 }

@@ -129,3 +129,26 @@ fn one_line_scan_without_the_claim_breaks_the_agreement() {
         assert_eq!(relays, if broken { Channels::OPEN } else { Channels::CLOSED });
     }
 }
+
+/// What has passed counts as floor for tier 1, but it is no floor: the floor's own watch does not learn from it.
+#[test]
+fn the_floor_is_not_learnt_from_what_passes() {
+    let start = rig().stripe().start as i16;
+    let mut bench = armed(true);
+    let stretch = Stretch::new(start, start + 80).unwrap();
+    let claim = Claim { stretch, category: Category::Tool, confidence: 250, age: Micros::from_millis(60) };
+    bench.claims = [Some(claim), None, None, None];
+    for _ in 0..RUN_OVER_AGREEMENT {
+        bench.clean_frame();
+    }
+    let before = status(&bench).health;
+    for _ in 0..16 {
+        // A floor that lies a little higher everywhere, and debris at the stripe's beginning.
+        let height = |s: f32| if s < f32::from(start) + 60.0 { 20.0 } else { 0.4 };
+        let scan = bench.profile(|s| Some(height(s)), HostVerdict::Clear);
+        assert_eq!(bench.frame(Some(&scan)).outputs.relays, Channels::CLOSED);
+    }
+    let after = status(&bench).health;
+    assert!(status(&bench).run_over.is_some());
+    assert_eq!((after.floor_offset, after.floor_rise), (before.floor_offset, before.floor_rise));
+}

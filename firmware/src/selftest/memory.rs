@@ -441,4 +441,13 @@ mod tests {
         assert_eq!(Region { address: usize::MAX, words: 70 }.block(1), None);
         assert_eq!((block_count(&[]), block_of(&[], 0)), (0, None));
     }
+
+    #[test]
+    fn behind_the_last_block_there_is_none() {
+        for words in [BLOCK_WORDS, 2 * BLOCK_WORDS, 2 * BLOCK_WORDS - 1] {
+            let region = Region { address: 0, words };
+            assert!(region.block(region.blocks() - 1).is_some_and(|block| block.words > 0));
+            assert_eq!(region.block(region.blocks()).map(|block| block.words), None, "{words} words");
+        }
+    }
 }

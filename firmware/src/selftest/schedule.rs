@@ -277,4 +277,10 @@ mod tests {
         assert_eq!(bits.count_ones() as usize, SelfTestKind::ALL.len());
         assert!(!START.contains(&SelfTestKind::Schedule));
     }
+
+    #[test]
+    fn a_test_that_passes_twice_has_passed() {
+        let once = Passed::NONE.with(SelfTestKind::Memory);
+        assert_eq!(once.with(SelfTestKind::Memory), once);
+    }
 }

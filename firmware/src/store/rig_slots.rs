@@ -222,3 +222,53 @@ impl<'a, F: NorFlash> RigSlots<'a, F> {
         self.flash.erase(offset, offset.saturating_add(page)).await.map_err(|_| StoreError::Flash)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::flash_model::{FlashModel, START};
+    use crate::testing;
+    use embassy_futures::block_on;
+
+    fn stored(generation: u32, mark: Mark) -> Stored {
+        Stored { generation, rig: testing::rig().to_bytes(), mark }
+    }
+
+    /// The bytes of the module's table, so that a rig that one version has stored is read by the next.
+    #[test]
+    fn a_slot_has_the_bytes_that_its_table_says() {
+        let slot = stored(0x0102_0304, Mark::Whole);
+        let id = seal_of(&slot.rig).to_le_bytes();
+        let body = slot.body();
+        assert_eq!(&body[..12], b"NFRS\x01\0\0\0\x04\x03\x02\x01");
+        assert_eq!(body[12..16], id);
+        assert_eq!(body[16..176], slot.rig);
+        let seal = checksum(&body[..176]).to_le_bytes();
+        assert_eq!(body[176..180], seal);
+        assert_eq!(body[180..184], seal.map(|byte| !byte));
+        let mark = slot.mark_bytes();
+        assert_eq!(&mark[..8], b"NFOK\x04\x03\x02\x01");
+        assert_eq!(mark[8..12], id);
+        assert_eq!(mark[12..], checksum(&mark[..12]).to_le_bytes());
+    }
+
+    /// A candidate must be newer than the rig in force: one of the same age could never come into force.
+    #[test]
+    fn a_candidate_supersedes_the_rig_in_force() {
+        for (generation, is_candidate) in [(6, false), (7, false), (8, true)] {
+            let mut flash = FlashModel::new();
+            let [first, second] = [START, START + 2048];
+            let mut put = |offset: u32, bytes: &[u8]| {
+                let offset = usize::try_from(offset).unwrap();
+                flash.bytes[offset..offset + bytes.len()].copy_from_slice(bytes);
+            };
+            let in_force = stored(7, Mark::Whole);
+            put(first, &in_force.body());
+            put(first + 184, &in_force.mark_bytes());
+            put(second, &stored(generation, Mark::Erased).body());
+            let mut slots = RigSlots::new(&mut flash, [first, second]);
+            assert_eq!(block_on(slots.active()), Some(in_force.rig));
+            assert_eq!(block_on(slots.candidate()).is_some(), is_candidate, "{generation}");
+        }
+    }
+}

@@ -39,8 +39,7 @@ fn maps_agree_with_exact_triangulation_from_the_floor_to_200_mm() {
                 assert!((exact.z - f64::from(millimetres)).abs() < 0.2, "{millimetres}: {}", exact.z);
                 if exact.z <= 100.0 {
                     let shadow = rig.stripe().coordinate_of(rig.laser().shadow_on_floor(exact).unwrap());
-                    worst_place =
-                        worst_place.max((shadow - f64::from(geometry.ray_place(map, row))).abs());
+                    worst_place = worst_place.max((shadow - f64::from(geometry.ray_place(map, row))).abs());
                 }
             }
         }
@@ -88,8 +87,7 @@ fn every_millimetre_of_the_stripe_is_watched() {
     let maps = geometry.maps();
     assert!((maps.first().unwrap().floor_place + 500.0).abs() < 1.0);
     assert!((maps.last().unwrap().floor_place - 560.0).abs() < 2.1);
-    let widest =
-        maps.windows(2).map(|pair| pair[1].floor_place - pair[0].floor_place).fold(0.0, f32::max);
+    let widest = maps.windows(2).map(|pair| pair[1].floor_place - pair[0].floor_place).fold(0.0, f32::max);
     assert!((1.9..2.2).contains(&widest), "far end: {widest} mm a column");
     assert_eq!((*geometry.reaches().first().unwrap(), *geometry.reaches().last().unwrap()), (3, 1));
 }

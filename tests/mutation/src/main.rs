@@ -53,7 +53,8 @@ fn main() -> Result<()> {
     let mut workspace = workspace::Workspace::copy(&options.root, &options.tree)?;
     // What the compiler evaluates would never see its switch turned on.
     let in_functions = mutants.iter().filter(|(_, mutant)| mutant.function.is_some());
-    let put_in = workspace.put_in(&in_functions.map(|(number, mutant)| (*number, mutant.clone())).collect())?;
+    let put_in =
+        workspace.put_in(&in_functions.map(|(number, mutant)| (*number, mutant.clone())).collect())?;
     eprintln!(
         "{} of {} mutants can be switched on; {} do not compile",
         put_in.switched.len(),

@@ -171,7 +171,8 @@ impl<'ast> Visit<'ast> for Finder {
             syn::UnOp::Neg(_) => Some("-"),
             _ => None,
         };
-        if let (Some(operator), Some(number)) = (operator, self.first(Genre::UnaryOperator, unary.op.span())) {
+        if let (Some(operator), Some(number)) = (operator, self.first(Genre::UnaryOperator, unary.op.span()))
+        {
             let (bytes, operand) = (unary.span().byte_range(), unary.expr.span().byte_range());
             self.nodes.push(Node::Unary { bytes, operator, operand, number });
         }

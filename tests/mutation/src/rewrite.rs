@@ -134,9 +134,11 @@ impl Edit {
                 ];
                 (bytes.clone(), pieces, vec![*number])
             }
-            Node::Guard { bytes, removed, always, never } => {
-                (bytes.clone(), guard(bytes, *removed, *always, *never), numbers(&[*removed, *always, *never]))
-            }
+            Node::Guard { bytes, removed, always, never } => (
+                bytes.clone(),
+                guard(bytes, *removed, *always, *never),
+                numbers(&[*removed, *always, *never]),
+            ),
             Node::Arm { before_arrow, number } => {
                 (*before_arrow..*before_arrow, vec![text(format!(" if !{} ", on(*number)))], vec![*number])
             }
@@ -165,12 +167,7 @@ fn numbers_of<T>(of: &[(u32, T)]) -> Vec<u32> {
 }
 
 /// Each operand is evaluated once, in order, but for what "and" and "or" do not evaluate.
-fn binary(
-    left: &Range<usize>,
-    operator: &str,
-    right: &Range<usize>,
-    others: &[(u32, String)],
-) -> Vec<Piece> {
+fn binary(left: &Range<usize>, operator: &str, right: &Range<usize>, others: &[(u32, String)]) -> Vec<Piece> {
     let (left, right) = (|| Piece::Source(left.clone()), || Piece::Source(right.clone()));
     let lazy = matches!(operator, "&&" | "||");
     let assigns = operator.ends_with('=') && !COMPARISONS.contains(&operator);
@@ -211,12 +208,7 @@ fn binary(
     pieces
 }
 
-fn guard(
-    bytes: &Range<usize>,
-    removed: Option<u32>,
-    always: Option<u32>,
-    never: Option<u32>,
-) -> Vec<Piece> {
+fn guard(bytes: &Range<usize>, removed: Option<u32>, always: Option<u32>, never: Option<u32>) -> Vec<Piece> {
     let mut pieces = vec![text("(")];
     pieces.extend(removed.map(|number| text(format!("!{} && ", on(number)))));
     pieces.push(text("("));

@@ -121,8 +121,9 @@ impl Workspace {
     /// The smallest region around a fault.
     fn innermost(&self, fault: &Fault) -> Option<&Region> {
         let regions = self.regions.get(&fault.file)?;
-        let around =
-            regions.iter().filter(|region| region.bytes.start <= fault.start && fault.end <= region.bytes.end);
+        let around = regions
+            .iter()
+            .filter(|region| region.bytes.start <= fault.start && fault.end <= region.bytes.end);
         around.min_by_key(|region| (region.bytes.len(), !region.is_replacement))
     }
 
@@ -172,7 +173,8 @@ impl Workspace {
     /// They do not build.
     pub fn build(&self) -> Result<BTreeMap<String, PathBuf>> {
         let mut command = self.cargo("test");
-        let output = command.arg("--no-run").stderr(Stdio::inherit()).output().context("cargo test --no-run")?;
+        let output =
+            command.arg("--no-run").stderr(Stdio::inherit()).output().context("cargo test --no-run")?;
         if !output.status.success() {
             bail!("the tests of {} do not build", self.tree.display());
         }

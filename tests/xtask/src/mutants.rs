@@ -142,7 +142,8 @@ impl Group {
         let json = Step::cargo(&arguments).standard_output()?;
         std::fs::write(&list, json).with_context(|| list.display().to_string())?;
         let root = run::root();
-        let [root, list, tree, path] = [&root, &list, &tree, &verdicts].map(|path| path.display().to_string());
+        let [root, list, tree, path] =
+            [&root, &list, &tree, &verdicts].map(|path| path.display().to_string());
         let slow: Vec<_> = slow_tests::of(self.package)
             .flat_map(|test| ["--slow".to_owned(), format!("{}:{test}", self.package)])
             .collect();
@@ -175,8 +176,9 @@ impl Group {
         arguments.extend(["--jobs", jobs, "--output", &output, "--no-shuffle", "--colors", "never"]);
         // Only a build or a test that waits for something is stopped by the clock.
         arguments.extend(["--timeout", "600", "--build-timeout", "900"]);
-        let runner =
-            format!("--cargo-arg=--config=target.\"cfg(unix)\".runner=[\"prlimit\",\"--cpu={PROCESSOR_SECONDS}\"]");
+        let runner = format!(
+            "--cargo-arg=--config=target.\"cfg(unix)\".runner=[\"prlimit\",\"--cpu={PROCESSOR_SECONDS}\"]"
+        );
         if Step::program("prlimit", &["--version"]).capture().is_ok_and(|(success, _)| success) {
             arguments.push(&runner);
         }

@@ -11,7 +11,7 @@ use nearfield_shared::rig::COMPACT_LENGTH;
 use nearfield_shared::service::{
     Demand, NO_PAGE, PAGE_DATA_LENGTH, Page, ResultCode, SUMMARY_LENGTH, StopIndex, encode_request,
 };
-use nearfield_shared::units::CalibrationId;
+use nearfield_shared::units::{CalibrationId, SequenceNumber};
 
 type Recorded = RecordedController<Box<LineScanMonitor>, Box<RecorderMemory>>;
 
@@ -41,15 +41,19 @@ impl Pair {
         assert_eq!(self.recorded.outputs(), outputs);
     }
 
+    fn tick(&mut self) {
+        let (now, pins) = (self.bench.now, self.bench.pins);
+        let expected = self.bench.tick();
+        let self_test = self.bench.self_test.unwrap_or(SelfTestReport::passed(now));
+        let inputs = TickInputs { pins, self_test };
+        let output = self.recorded.tick(now, inputs);
+        assert_eq!(output.outputs, expected.outputs);
+        assert_eq!(output.permit.is_some(), expected.permit.is_some());
+    }
+
     fn ticks(&mut self) {
         for _ in 0..4 {
-            let (now, pins) = (self.bench.now, self.bench.pins);
-            let expected = self.bench.tick();
-            let self_test = self.bench.self_test.unwrap_or(SelfTestReport::passed(now));
-            let inputs = TickInputs { pins, self_test };
-            let output = self.recorded.tick(now, inputs);
-            assert_eq!(output.outputs, expected.outputs);
-            assert_eq!(output.permit.is_some(), expected.permit.is_some());
+            self.tick();
         }
     }
 
@@ -243,4 +247,70 @@ fn a_changed_rig_and_a_lock_out_are_in_the_fault_log_until_saved() {
     assert_eq!((first.number, first.event), (1, FaultEvent::Started));
     pair.recorded.fault_saved(&first);
     assert_eq!(pair.recorded.unsaved_fault().unwrap().number, 2);
+}
+
+/// Every figure of a summary is the controller's own.
+#[test]
+fn a_summary_tells_what_the_controller_found() {
+    let mut pair = Pair::new();
+    pair.arm();
+    let known = pair.recorded.controller.findings();
+    let both = StopCauses::NONE.with(StopCause::StripeCut).with(StopCause::Drop);
+    pair.recorded.causes = StopCauses::NONE.with(StopCause::Drop);
+    let findings = Findings {
+        sequence: SequenceNumber::new(77),
+        causes: both,
+        laser_level: 123,
+        decision_age: Micros::new(33_000),
+        liveness_doubt: 9,
+        audit_doubt: 11,
+        ..known
+    };
+    let summary = pair.recorded.summary_of(Micros::new(5), ExchangeKind::Poll, &findings);
+    assert_eq!((summary.time, summary.kind), (Micros::new(5), ExchangeKind::Poll));
+    assert_eq!((summary.sequence, summary.laser_level), (findings.sequence, 123));
+    assert_eq!(summary.live_causes, both);
+    assert_eq!(
+        summary.new_causes,
+        StopCauses::NONE.with(StopCause::StripeCut),
+        "the other one is known already"
+    );
+    assert_eq!(summary.decision_age, findings.decision_age);
+    assert_eq!((summary.liveness_score, summary.audit_score), (9, 11));
+}
+
+#[test]
+fn the_capture_age_is_the_host_s_word() {
+    let mut pair = Pair::new();
+    let scan = pair.bench.scan(Some(0.0), HostVerdict::Clear);
+    let line_scan = nearfield_shared::linescan::LineScan::parse(&scan).unwrap();
+    let header = line_scan.header();
+    assert!(header.capture_age > Micros::ZERO);
+    assert_eq!(told_capture_age(&scan), header.capture_age);
+    assert_eq!(told_capture_age(&scan[..19]), Micros::ZERO);
+}
+
+/// The very first exchange after the relays have closed can stop, and that stop is kept.
+#[test]
+fn a_stop_right_after_closing_is_kept() {
+    let mut pair = Pair::new();
+    pair.frame(None);
+    let mut frame = 0;
+    while pair.recorded.outputs().relays == Channels::OPEN {
+        pair.bench.pins.reset_pressed = (25..31).contains(&frame);
+        let scan = pair.bench.scan(Some(0.0), HostVerdict::Clear);
+        pair.exchange_as(Some(&scan), Some(&scan));
+        for _ in 0..4 {
+            if pair.recorded.outputs().relays == Channels::OPEN {
+                pair.tick();
+            }
+        }
+        frame += 1;
+        assert!(frame < 100, "never closed");
+    }
+    let object = pair.bench.scan(Some(30.0), HostVerdict::Clear);
+    pair.exchange_as(Some(&object), Some(&object));
+    assert_eq!(pair.recorded.outputs().relays, Channels::OPEN);
+    pair.ticks();
+    assert_eq!(pair.index().unwrap().stop, 1);
 }
