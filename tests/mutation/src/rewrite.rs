@@ -217,3 +217,117 @@ fn guard(bytes: &Range<usize>, removed: Option<u32>, always: Option<u32>, never:
     pieces.extend([text("("), Piece::Source(bytes.clone()), text(")))")]);
     pieces
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mutant::{Genre, Place, Span};
+
+    /// The mutant that puts `replacement` where `original` stands for the first time behind `after`.
+    fn mutant(source: &str, after: &str, original: &str, genre: Genre, replacement: &str) -> Mutant {
+        let from = source.find(after).map_or(0, |at| at + after.len());
+        let at =
+            from + source[from..].find(original).unwrap_or_else(|| panic!("no {original} behind {after}"));
+        let place = |at: usize| {
+            let line_start = source[..at].rfind('\n').map_or(0, |end| end + 1);
+            Place { line: source[..at].matches('\n').count() + 1, column: at - line_start + 1 }
+        };
+        Mutant {
+            name: format!("{original} -> {replacement}"),
+            file: "shared/src/a.rs".to_owned(),
+            package: "nearfield-shared".to_owned(),
+            genre,
+            replacement: replacement.to_owned(),
+            span: Span { start: place(at), end: place(at + original.len()) },
+            function: None,
+        }
+    }
+
+    fn rewritten(source: &str, mutants: &[Mutant]) -> Rewritten {
+        let numbered: BTreeMap<u32, &Mutant> = (1..).zip(mutants).collect();
+        let rewritten = rewrite(source, &numbered).unwrap_or_else(|error| panic!("{error}"));
+        assert!(syn::parse_file(&rewritten.text).is_ok(), "{}", rewritten.text);
+        rewritten
+    }
+
+    /// Without a mutant, not a byte changes.
+    #[test]
+    fn a_file_without_mutants_stays_as_it_is() {
+        let source = "fn f(a: u8) -> bool {\n    a < 3 && !(a == 1)\n}\n";
+        assert_eq!(rewritten(source, &[]).text, source);
+    }
+
+    /// Each operand stands once in the text, however deeply operators are nested: else the text would grow without end.
+    #[test]
+    fn nested_operators_are_switched_one_in_another() {
+        let source = "fn f(a: u8, b: u8) -> bool { a + b * 2 < 9 }\n";
+        let mutants = [
+            mutant(source, "{", "+", Genre::BinaryOperator, "-"),
+            mutant(source, "{", "*", Genre::BinaryOperator, "/"),
+            mutant(source, "{", "<", Genre::BinaryOperator, "<="),
+        ];
+        let rewritten = rewritten(source, &mutants);
+        assert_eq!(rewritten.switched, BTreeSet::from([1, 2, 3]));
+        for call in ["on(1)", "on(2)", "on(3)"] {
+            assert_eq!(rewritten.text.matches(call).count(), 1, "{}", rewritten.text);
+        }
+        assert!(rewritten.text.contains("{ mutation_left - mutation_right }"));
+        assert!(rewritten.text.contains("{ *mutation_left <= *mutation_right }"));
+    }
+
+    /// What "and" does not evaluate is not evaluated.
+    #[test]
+    fn and_stays_lazy() {
+        let source = "fn f(a: bool) -> bool { a && g() }\n";
+        let rewritten = rewritten(source, &[mutant(source, "{", "&&", Genre::BinaryOperator, "||")]);
+        let expected = "fn f(a: bool) -> bool { (match (a) { mutation_left => if ::mutation_switch::on(1) \
+                        { mutation_left || (g()) } else { mutation_left && (g()) } }) }\n";
+        assert_eq!(rewritten.text, expected);
+    }
+
+    #[test]
+    fn a_function_gives_its_other_value() {
+        let source = "const fn f(a: bool) -> bool {\n    a\n}\n";
+        let rewritten = rewritten(source, &[mutant(source, "{\n    ", "a", Genre::FnValue, "true")]);
+        assert!(
+            rewritten.text.contains("if ::mutation_switch::on(1) { return true; } a"),
+            "{}",
+            rewritten.text
+        );
+        let replacement =
+            rewritten.regions.iter().find(|region| region.is_replacement).unwrap_or_else(|| panic!());
+        assert_eq!(&rewritten.text[replacement.bytes.clone()], "true");
+    }
+
+    #[test]
+    fn arms_guards_and_fields_are_switched() {
+        let source = "fn f(a: S) -> S { match a.x { 0 => a, 1 if a.y => S { y: false, ..a }, _ => S { x: -a.x, ..a } } }\n";
+        let mutants = [
+            mutant(source, "{ match a.x {", "0 => a", Genre::MatchArm, ""),
+            mutant(source, "1 if ", "a.y", Genre::MatchArmGuard, "true"),
+            mutant(source, "1 if ", "a.y", Genre::MatchArmGuard, "false"),
+            mutant(source, "S { ", "y: false", Genre::StructField, ""),
+            mutant(source, "x: ", "-", Genre::UnaryOperator, ""),
+        ];
+        let text = rewritten(source, &mutants).text;
+        for part in [
+            "0 if !::mutation_switch::on(1)  => a",
+            "(::mutation_switch::on(2) || !::mutation_switch::on(3) && (a.y))",
+            "if ::mutation_switch::on(4) { S {  ..a } } else { S { y: false, ..a } }",
+            "if ::mutation_switch::on(5) { mutation_operand } else { -mutation_operand }",
+        ] {
+            assert!(text.contains(part), "{part}\n{text}");
+        }
+    }
+
+    /// A condition that binds a name is no operand: such a mutant is left to cargo-mutants.
+    #[test]
+    fn what_binds_a_name_is_left_alone() {
+        let source = "fn f(a: Option<u8>) -> bool { if let Some(b) = a && b > 1 { true } else { false } }\n";
+        let mutants = [
+            mutant(source, "{", "&&", Genre::BinaryOperator, "||"),
+            mutant(source, "{", ">", Genre::BinaryOperator, "<"),
+        ];
+        assert_eq!(rewritten(source, &mutants).switched, BTreeSet::from([2]));
+    }
+}

@@ -113,48 +113,37 @@ impl Group {
         chosen.flat_map(|name| ["--file".to_owned(), self.file(name)]).collect()
     }
 
-    /// All that can be switched on in one build first, unless an earlier run has; then what is left, one by one.
-    fn run(&self, resume: bool, only: Option<&str>, jobs: &str) -> Result<Verdicts> {
+    /// Forgets what earlier runs found, unless this one goes on where they ended.
+    fn begin(&self, resume: bool) -> Result<()> {
         let output = self.output();
         if !resume && output.exists() {
             std::fs::remove_dir_all(&output).with_context(|| output.display().to_string())?;
         }
-        std::fs::create_dir_all(&output).with_context(|| output.display().to_string())?;
-        let mutants = self.mutants(only)?;
-        if Verdicts::of(&output, &mutants)?.open().len() > FEW {
-            self.switched(only, jobs)?;
-        }
-        let open = Verdicts::of(&output, &mutants)?.open();
+        std::fs::create_dir_all(&output).with_context(|| output.display().to_string())
+    }
+
+    /// What is known so far.
+    fn verdicts(&self, only: Option<&str>) -> Result<Verdicts> {
+        Verdicts::of(&self.output(), &self.mutants(only)?)
+    }
+
+    /// Judges what is still open, one by one.
+    fn finish(&self, only: Option<&str>, jobs: &str) -> Result<Verdicts> {
+        let open = self.verdicts(only)?.open();
         if !open.is_empty() {
             self.one_by_one(&open, only, jobs)?;
         }
-        Verdicts::of(&output, &mutants)
+        self.verdicts(only)
     }
 
-    /// Judges by tests/mutation what it can. A survivor stays open: cargo-mutants has the last word on it.
-    fn switched(&self, only: Option<&str>, jobs: &str) -> Result<()> {
-        let output = self.output();
-        let [list, tree, verdicts] = ["list.json", "switched", "switched.json"].map(|name| output.join(name));
+    /// The list of its mutants for programs.
+    fn list(&self, only: Option<&str>) -> Result<Vec<serde_json::Value>> {
         let mut arguments =
             vec!["mutants", "--list", "--json", "--package", self.package, "--colors", "never"];
         let files = self.chosen_files(only);
         arguments.extend(files.iter().map(String::as_str));
         let json = Step::cargo(&arguments).standard_output()?;
-        std::fs::write(&list, json).with_context(|| list.display().to_string())?;
-        let root = run::root();
-        let [root, list, tree, path] =
-            [&root, &list, &tree, &verdicts].map(|path| path.display().to_string());
-        let slow: Vec<_> = slow_tests::of(self.package)
-            .flat_map(|test| ["--slow".to_owned(), format!("{}:{test}", self.package)])
-            .collect();
-        let mut arguments = vec!["run", "--package", "nearfield-mutation", "--", "--jobs", jobs];
-        arguments.extend(["--root", &root, "--tree", &tree, "--list", &list, "--verdicts", &path]);
-        arguments.extend(["--processor-seconds", PROCESSOR_SECONDS]);
-        arguments.extend(slow.iter().map(String::as_str));
-        Step::cargo(&arguments).run()?;
-        let mut found = verdicts_in(&verdicts)?;
-        found.retain(|_, verdict| verdict != "missed");
-        add_verdicts(&output, found)
+        serde_json::from_str(&json).with_context(|| format!("cargo mutants --list: {}", self.name))
     }
 
     /// The names of all mutants.
@@ -200,6 +189,33 @@ impl Group {
         step.run_with_codes(&[0, 2, 3])?;
         keep_verdicts(&self.output())
     }
+}
+
+/// Judges by tests/mutation what can be switched on, in one build for all groups. A survivor stays open: cargo-mutants has
+/// the last word on it.
+fn switched(groups: &[&Group], only: Option<&str>, jobs: &str) -> Result<()> {
+    let room = run::target_directory().join("mutants");
+    let [list, tree, verdicts] = ["list.json", "switched", "switched.json"].map(|name| room.join(name));
+    let mut mutants = Vec::new();
+    let mut slow = BTreeSet::new();
+    for group in groups {
+        mutants.extend(group.list(only)?);
+        slow.extend(slow_tests::of(group.package).map(|test| format!("{}:{test}", group.package)));
+    }
+    std::fs::write(&list, serde_json::to_string(&mutants)?).with_context(|| list.display().to_string())?;
+    let root = run::root();
+    let [root, list, tree, path] = [&root, &list, &tree, &verdicts].map(|path| path.display().to_string());
+    let mut arguments = vec!["run", "--package", "nearfield-mutation", "--", "--jobs", jobs];
+    arguments.extend(["--root", &root, "--tree", &tree, "--list", &list, "--verdicts", &path]);
+    arguments.extend(["--processor-seconds", PROCESSOR_SECONDS]);
+    arguments.extend(slow.iter().flat_map(|test| ["--slow", test.as_str()]));
+    Step::cargo(&arguments).run()?;
+    let mut found = verdicts_in(&verdicts)?;
+    found.retain(|_, verdict| verdict != "missed");
+    for group in groups {
+        add_verdicts(&group.output(), found.clone())?;
+    }
+    Ok(())
 }
 
 /// So few are judged one by one at once: the one build takes longer.
@@ -299,8 +315,16 @@ pub fn check(rest: &[String]) -> Result<()> {
         bail!("no such group or file; groups: {names}; files are named like `supervisor/mod`");
     }
     let mut rows = Vec::new();
+    let mut open = 0;
+    for group in &groups {
+        group.begin(resume)?;
+        open += group.verdicts(only)?.open().len();
+    }
+    if open > FEW {
+        switched(&groups, only, jobs)?;
+    }
     for group in groups {
-        rows.push((group.name, group.run(resume, only, jobs)?));
+        rows.push((group.name, group.finish(only, jobs)?));
     }
     println!(
         "\n{:<12} {:>7} {:>7} {:>9} {:>9} {:>9}",
