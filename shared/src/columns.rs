@@ -510,4 +510,4 @@ impl LeastSquares {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -250,16 +250,12 @@ impl OpenCluster {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::columns::Decimation;
-    use crate::limits::LARGEST_COLUMN_COUNT;
-    use crate::testing::height_rig;
+    use crate::columns::tests::level;
 
-    /// What is found on a stripe whose columns from 100 on have these heights, in runs of (columns, height); the rest is
-    /// floor.
+    /// What is found on a stripe of a column a millimetre whose columns from 100 on have these heights, in runs of
+    /// (columns, height); the rest is floor.
     fn found(runs: &[(usize, f32)]) -> (Heights, Vec<Cluster>, Vec<f32>) {
-        let rig = height_rig();
-        let mut geometry = Box::new(StripeGeometry::<LARGEST_COLUMN_COUNT>::empty());
-        geometry.fill(&rig, Decimation::for_line_scan(rig.image().width)).unwrap();
+        let geometry = level(400);
         let places: Vec<f32> = geometry.maps().iter().map(|map| map.floor_place).collect();
         let mut heights = vec![0.0; places.len()];
         let raised = runs.iter().flat_map(|(columns, height)| core::iter::repeat_n(*height, *columns));

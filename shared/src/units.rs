@@ -32,8 +32,7 @@ impl Millimetres {
     #[must_use]
     pub fn to_micrometres(self) -> i32 {
         let micrometres = self.0 * 1000.0;
-        let half = if micrometres < 0.0 { -0.5 } else { 0.5 };
-        match (micrometres + half).to_i32() {
+        match (micrometres + 0.5_f32.copysign(micrometres)).to_i32() {
             Some(value) => value,
             None if micrometres < 0.0 => i32::MIN,
             None => i32::MAX,

@@ -12,6 +12,7 @@
 //! [`SelfTestKind::FloatingPoint`](super::SelfTestKind::FloatingPoint).
 
 use super::Outcome;
+use core::cmp::Ordering;
 use core::hint::black_box;
 
 /// r1 to r12 and r14; r0 carries the seed and the result.
@@ -68,10 +69,17 @@ pub fn check_float_arithmetic() -> Outcome {
     let whole = black_box(-7_654_321_i32);
     let answers =
         [a + b, a - b, a * b, a / b, (a * b + a) * b, a.max(b), b.abs(), f32::from(black_box(51_234_u16))];
-    let compared = [a > b, a > black_box(a), b > a, black_box(f32::NAN).partial_cmp(&b).is_some()];
+    let compared = [b, a, black_box(f32::INFINITY), black_box(f32::NAN)].map(|other| a.partial_cmp(&other));
     let widened = f64::from(whole) + f64::from(a);
     let found = (answers.map(f32::to_bits), compared, widened.to_bits());
-    Outcome::passed_if(found == (FLOAT_ANSWERS, [true, false, false, false], WIDENED_ANSWER))
+    Outcome::passed_if(
+        found
+            == (
+                FLOAT_ANSWERS,
+                [Some(Ordering::Greater), Some(Ordering::Equal), Some(Ordering::Less), None],
+                WIDENED_ANSWER,
+            ),
+    )
 }
 
 /// Worked out independently, in IEEE 754 single precision.

@@ -51,6 +51,7 @@ fn maps_agree_with_exact_triangulation_from_the_floor_to_200_mm() {
 
 /// The rule: what is lit decides the maps. A laser lower than the highest mapped height has no light up there.
 #[test]
+#[cfg_attr(miri, ignore = "thousands of columns")]
 fn a_low_laser_gives_true_heights_up_to_its_own() {
     for (camera_height, laser_height, down, focal) in [
         (300.0, 120.0, 19.0, 510.0),
@@ -144,6 +145,17 @@ fn useless_geometry_is_refused_and_leaves_nothing_watched() {
     assert_eq!(geometry.fill(&short, Decimation::none(32)), Err(GeometryError::TooFewColumns));
 }
 
+/// A stripe of so many columns, a millimetre each from 0 on.
+pub(crate) fn level(columns: u16) -> Box<StripeGeometry<LARGEST_COLUMN_COUNT>> {
+    let mut geometry = Box::new(StripeGeometry::empty());
+    for (map, place) in geometry.maps.iter_mut().zip(0..columns) {
+        *map = ColumnMap { floor_place: f32::from(place), ..straight(100.0, 1.0) };
+    }
+    (geometry.first, geometry.last) = (0, usize::from(columns) - 1);
+    geometry.count = usize::from(columns);
+    geometry
+}
+
 /// A map without bend and perspective, on which heights can be worked out by hand.
 fn straight(floor_row: f32, height_per_row: f32) -> ColumnMap {
     ColumnMap { floor_row, height_per_row, ..ColumnMap::UNMAPPED }
@@ -218,6 +230,7 @@ fn a_stripe_that_the_picture_does_not_resolve_is_refused() {
 
 /// A rig that is refused leaves nothing of the one before.
 #[test]
+#[cfg_attr(miri, ignore = "thousands of columns")]
 fn a_refused_rig_leaves_nothing_of_the_one_before() {
     let good = height_rig();
     let decimation = Decimation::for_line_scan(good.image().width);
@@ -242,6 +255,7 @@ fn a_refused_rig_leaves_nothing_of_the_one_before() {
 
 /// No ray of the laser comes down from its own height, or from above it.
 #[test]
+#[cfg_attr(miri, ignore = "thousands of columns")]
 fn at_the_laser_s_own_height_no_ray_has_a_place() {
     let geometry = filled(&height_rig());
     let map = straight(0.0, 1.0);
@@ -253,6 +267,7 @@ fn at_the_laser_s_own_height_no_ray_has_a_place() {
 
 /// Columns much narrower than the window: the average takes as many as a byte counts, no more.
 #[test]
+#[cfg_attr(miri, ignore = "thousands of columns")]
 fn the_reach_has_an_end() {
     const COLUMNS: usize = 4_000;
     let (camera, laser) = (Vector::new(0.0, 0.0, 400.0), Vector::new(0.0, 0.0, 200.0));
