@@ -455,3 +455,17 @@ fn a_permit_over_no_rig_passes_nothing() {
     let report = monitor.update_with(core::iter::empty(), &permit(-100, 100), |_| {}, |_| {});
     assert!(report.is_cut() && report.passed.is_none());
 }
+
+/// A gap is in this frame at once and in the vote a frame later; it leaves both in the same order.
+#[test]
+fn a_frame_s_own_gap_and_the_vote_s_come_and_go_apart() {
+    let mut monitor = monitor(&height_rig());
+    let (clean, gap) = (scan(&monitor, FLOOR), scan(&monitor, cut(0.0, 12.0)));
+    show(&mut monitor, &clean, 3);
+    for (readings, single, voted) in
+        [(&gap, true, false), (&gap, true, true), (&clean, false, true), (&clean, false, false)]
+    {
+        let cutoff = show(&mut monitor, readings, 1).cutoff;
+        assert_eq!((cutoff.single.is_some(), cutoff.voted.is_some()), (single, voted));
+    }
+}
