@@ -85,6 +85,7 @@ impl<C: Controller> Site<C> {
     /// The hands cannot do it.
     pub fn arm(&mut self, hands: &mut impl Hands<C>, patience: Patience) -> anyhow::Result<bool> {
         self.take(hands, None)?;
+        self.path.wait_for_first_exposure()?;
         let closed = self.watch(hands, patience.hand, true, |seen| seen.relay_closed);
         Ok(closed.is_some() && self.watch(hands, patience.still, false, |seen| !seen.relay_closed).is_none())
     }

@@ -80,6 +80,7 @@ impl<C: Controller> Runner<'_, C> {
         let facts = FrameFacts::default();
         let mut service = ServiceManager::new();
         let mut told: Option<(bool, StopCauses)> = None;
+        self.path.wait_for_first_exposure()?;
         let mut due = Instant::now();
         let mut number = 0_u64;
         service.ready();

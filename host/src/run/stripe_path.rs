@@ -1,6 +1,6 @@
 //! One picture after the other through vision, line-scan and controller, with what tier 3 has last said.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use nearfield_fields::speed::SpeedListener;
 use nearfield_fields::{Evidence, Fields, Report, Stretch, more_careful};
@@ -172,6 +172,22 @@ impl<C: Controller> StripePath<C> {
             None => cut.then(|| action_for(Category::Unknown, SizeClass::Unknown)),
         };
         Ok(Step { advice, action, fields, verdict: facts.verdict, relay_closed })
+    }
+
+    /// Lets the first moments pass, without pictures, until one can have been exposed wholly since the clock began: of an earlier
+    /// one no age can be told, and the controller would refuse it.
+    ///
+    /// # Errors
+    /// The controller cannot be reached.
+    pub fn wait_for_first_exposure(&mut self) -> Result<(), StripeError> {
+        let facts = FrameFacts::default();
+        let earliest = facts.capture_age.plus(facts.exposure);
+        while self.controller.now() < earliest {
+            // Simulated time goes on by this, a real clock by itself.
+            self.skip()?;
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Ok(())
     }
 
     /// A frame period without a picture: the controller gets nothing, and the votes know it.

@@ -109,3 +109,61 @@ fn what_tier_three_sees_is_shown_with_its_place() {
         assert_eq!(live["objects"].as_array().unwrap().len(), usize::from(expected == Some(true)));
     }
 }
+
+#[test]
+fn zones_case_and_advice_are_told_to_people_and_to_programs() {
+    use nearfield_fields::{Finding, Role, ZoneState};
+    let (mut model, board) = (model(), Board::default());
+    let mut stamped = decision(false, 3);
+    if let Event::Decision(decision) = &mut stamped.event {
+        decision.fields.speed_mm_s = Some(250.0);
+        decision.fields.case = Some(2);
+        decision.fields.zones[0] = Some(ZoneState { role: Role::Protective, finding: Finding::Infringed });
+        decision.fields.zones[1] = Some(ZoneState { role: Role::Warning, finding: Finding::Suspect });
+        decision.fields.zones[3] = Some(ZoneState { role: Role::Named, finding: Finding::Infringed });
+        decision.advice = Some(Action::GoAround);
+    }
+    model.take(stamped);
+    model.publish(&board);
+    let newest = board.newest();
+    let status = json(&newest.status);
+    assert_eq!(
+        (&status["speed_mm_s"], &status["case"], &status["advice"]),
+        (&250.0.into(), &2.into(), &"go_around".into())
+    );
+    let zone = |index: usize| {
+        ["name", "role", "finding"].map(|key| status["zones"][index][key].as_str().unwrap().to_owned())
+    };
+    assert_eq!(
+        [zone(0), zone(1), zone(2)].concat().join(" "),
+        "A protective infringed B warning suspect D named infringed"
+    );
+    let metrics = String::from_utf8(newest.metrics.clone()).unwrap();
+    for line in [
+        "nearfield_zone_infringed{zone=\"A\",field=\"protective\"} 1",
+        "nearfield_zone_infringed{zone=\"B\",field=\"warning\"} 0.5",
+        "nearfield_zone_infringed{zone=\"D\",field=\"named\"} 1",
+        "nearfield_case 2",
+        "nearfield_robot_speed_millimetres_per_second 250",
+    ] {
+        assert!(metrics.lines().any(|one| one == line), "{line}\n{metrics}");
+    }
+    let payload = json(&newest.vda5050);
+    let fields: Vec<_> = payload["errors"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(|error| error["errorType"].as_str().unwrap().ends_with("_field"))
+        .collect();
+    assert_eq!(fields.len(), 2, "what is only named is no field: {payload}");
+    assert_eq!(fields[1]["errorReferences"][1]["referenceValue"], "B");
+}
+
+/// Profile "cutoff": where the stripe is cut is told, how high things are is not.
+#[test]
+fn without_heights_the_profile_is_floor_or_nothing() {
+    assert_eq!(
+        [-30.0, -1.8, 0.0, 1.7, 1.9, 45.0].map(as_cut),
+        [None, Some(0.0), Some(0.0), Some(0.0), None, None]
+    );
+}
