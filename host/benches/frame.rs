@@ -23,7 +23,7 @@ const WIDTH: u16 = 2304;
 const BRIGHT_LUX: f64 = 1800.0;
 
 fn scenes() -> [(&'static str, Scene); 3] {
-    let floor = Floor { kind: FloorKind::Wood, paint: Vec::new() };
+    let floor = Floor { kind: FloorKind::Wood, paint: Vec::new(), ..Floor::default() };
     let light = Light { lux: BRIGHT_LUX, ..Light::default() };
     [
         ("clean", gallery::scene("clean").unwrap()),

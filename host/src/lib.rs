@@ -38,5 +38,6 @@ pub mod paper;
 pub mod rig_file;
 pub mod run;
 pub mod scene_file;
+mod simd;
 pub mod twin;
 pub mod vision;

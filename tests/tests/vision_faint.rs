@@ -17,7 +17,7 @@ const FLOORS: [FloorKind; 3] = [FloorKind::EpoxyGreen, FloorKind::Wood, FloorKin
 
 fn sunlit(kind: FloorKind, paint: Vec<PaintedLine>, objects: Vec<SceneObject>) -> Scene {
     let light = Light { lux: SUNLIT_LUX, ..Light::default() };
-    Scene { floor: Floor { kind, paint }, light, objects, ..Scene::default() }
+    Scene { floor: Floor { kind, paint, ..Floor::default() }, light, objects, ..Scene::default() }
 }
 
 /// Faintest stretch and longest gap found, millimetres, from RGB and from YUV420.

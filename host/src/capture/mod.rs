@@ -1,11 +1,13 @@
-//! Pictures from files: PNG, JPEG and raw YUV420 become a [`Frame`] of the size that the rig names.
+//! Pictures from files: PNG, JPEG, PGM, raw YUV420 and raw Bayer become a [`Frame`] of the size that the rig names.
 //!
 //! A file that is truncated, no picture, or of another size is refused with its name and the remedy; nothing is
 //! scaled, padded or guessed, because a row that is off by one pixel is a height that is off by a millimetre.
 
+mod bayer;
 mod convert;
 mod frame;
 
+pub use bayer::RawFormat;
 pub use frame::{Frame, FrameView, Pixels, Plane, SizeMismatch};
 
 use std::path::{Path, PathBuf};
@@ -30,9 +32,9 @@ pub enum CaptureError {
         /// The file.
         path: PathBuf,
     },
-    /// Neither PNG nor JPEG, and not named as a raw frame.
+    /// No picture by its content, and not named as a raw frame.
     #[error(
-        "{}: not a picture that can be read; give PNG, JPEG, or raw frames named .yuv (YUV420 planar) or .nv12",
+        "{}: not a picture that can be read; give PNG, JPEG, PGM, or raw frames named {RAW_NAMES}",
         path.display()
     )]
     UnknownFormat {
@@ -71,7 +73,8 @@ pub enum CaptureError {
     },
     /// A raw frame whose bytes do not make a picture of the rig's size.
     #[error(
-        "{}: {problem}; a raw frame has image.width x image.height x 1.5 bytes and no header",
+        "{}: {problem}; a raw frame has no header: image.width x image.height x 1.5 bytes as .yuv or .nv12, \
+         1.25 as .srggb10p, 1.5 as .srggb12p, 2 as .srggb10, .srggb12 or .srggb16",
         path.display()
     )]
     RawSize {
@@ -82,21 +85,26 @@ pub enum CaptureError {
     },
 }
 
-/// The extensions that [`is_picture_name`] takes for pictures.
-const EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "yuv", "i420", "nv12"];
+/// The extensions that [`is_picture_name`] takes for pictures, besides those of raw Bayer frames.
+const EXTENSIONS: [&str; 7] = ["png", "jpg", "jpeg", "pgm", "yuv", "i420", "nv12"];
+/// How raw frames are named.
+pub const RAW_NAMES: &str = ".yuv (YUV420 planar), .nv12, or as V4L2 and libcamera name raw Bayer: .srggb10p and .srggb12p \
+                             (packed), .srggb10, .srggb12 and .srggb16 (16-bit words), also sbggr, sgrbg, sgbrg";
 
 /// Does a file of this name hold a picture? For finding the frames of a directory.
 #[must_use]
 pub fn is_picture_name(path: &Path) -> bool {
-    EXTENSIONS.contains(&extension(path).as_str())
+    let extension = extension(path);
+    EXTENSIONS.contains(&extension.as_str()) || RawFormat::from_extension(&extension).is_some()
 }
 
 fn extension(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
 }
 
-/// Reads a picture of exactly the size `expected`. PNG and JPEG are told by their content, raw frames by their
-/// extension: `.yuv` or `.i420` is YUV420 planar, `.nv12` has interleaved chroma.
+/// Reads a picture of exactly the size `expected`. PNG, JPEG and PGM are told by their content, raw frames by their
+/// extension: `.yuv` or `.i420` is YUV420 planar, `.nv12` has interleaved chroma, [`RawFormat`] names raw Bayer frames.
+/// A picture without colours is taken for that of a monochrome camera; of 16 bits a level the upper 8 are used.
 ///
 /// # Errors
 /// See [`CaptureError`].
@@ -119,21 +127,22 @@ fn read(path: &Path, expected: Option<ImageSize>) -> Result<Frame, CaptureError>
     if bytes.is_empty() {
         return Err(CaptureError::Empty { path: path.to_path_buf() });
     }
-    let raw = |pixels| {
+    let raw = |make: &dyn Fn(ImageSize, Vec<u8>) -> Result<Frame, SizeMismatch>, bytes| {
         let size = expected.ok_or_else(|| CaptureError::RawWithoutSize { path: path.to_path_buf() })?;
-        Frame::new(size, pixels)
-            .map_err(|problem| CaptureError::RawSize { path: path.to_path_buf(), problem })
+        make(size, bytes).map_err(|problem| CaptureError::RawSize { path: path.to_path_buf(), problem })
     };
-    match extension(path).as_str() {
-        "yuv" | "i420" => raw(Pixels::Yuv420(bytes)),
-        "nv12" => raw(Pixels::Nv12(bytes)),
+    let extension = extension(path);
+    match (extension.as_str(), RawFormat::from_extension(&extension)) {
+        ("yuv" | "i420", _) => raw(&|size, bytes| Frame::new(size, Pixels::Yuv420(bytes)), bytes),
+        ("nv12", _) => raw(&|size, bytes| Frame::new(size, Pixels::Nv12(bytes)), bytes),
+        (_, Some(format)) => raw(&|size, bytes| format.read(size, &bytes), bytes),
         _ => decode(&bytes, path, expected),
     }
 }
 
 fn decode(bytes: &[u8], path: &Path, expected: Option<ImageSize>) -> Result<Frame, CaptureError> {
     let format = match image::guess_format(bytes) {
-        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
+        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::Pnm)) => format,
         _ => return Err(CaptureError::UnknownFormat { path: path.to_path_buf() }),
     };
     let damaged = |message: String| CaptureError::Damaged { path: path.to_path_buf(), message };
@@ -242,7 +251,7 @@ mod tests {
         let scratch = Scratch::new("refusals");
         let refusal = |path: &Path| read_frame(path, SIZE).unwrap_err().to_string();
         let text = refusal(&scratch.file("notes.png", b"not a picture at all"));
-        assert!(text.contains("notes.png") && text.contains("give PNG, JPEG"), "{text}");
+        assert!(text.contains("notes.png") && text.contains("give PNG, JPEG, PGM"), "{text}");
         let empty = refusal(&scratch.file("empty.png", b""));
         assert!(empty.contains("empty.png") && empty.contains("empty"), "{empty}");
         let missing = refusal(&scratch.0.join("missing.png"));

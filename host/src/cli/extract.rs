@@ -35,7 +35,8 @@ pub struct Extract {
     /// Size of raw frames; all pictures must then have it.
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
     size: Option<ImageSize>,
-    /// Pictures: PNG, JPEG, or raw frames (.yuv = YUV420 planar, .nv12).
+    /// Pictures: PNG, JPEG, PGM, or raw frames: .yuv (YUV420 planar), .nv12, raw Bayer as V4L2 names it (.srggb10p and
+    /// .srggb12p packed, .srggb10, .srggb12, .srggb16 in words; also sbggr, sgrbg, sgbrg).
     #[arg(required = true, value_name = "IMAGE")]
     images: Vec<PathBuf>,
 }

@@ -17,6 +17,7 @@ use crate::line_scan::LineScanEncoder;
 use crate::paper;
 use crate::rig_file;
 use crate::vision::Analyser;
+use crate::vision::grid::LASER_SHEET_MM;
 
 /// Say what host and safety controller make of pictures, each by itself.
 ///
@@ -28,7 +29,8 @@ use crate::vision::Analyser;
 Examples:
   nearfield inspect --rig robot.toml picture.png
   nearfield inspect --rig robot.toml --json *.png | jq .longest_gap_mm
-  nearfield inspect --rig robot.toml --annotate seen/ frame.nv12")]
+  nearfield inspect --rig robot.toml --annotate seen/ frame.nv12 frame.srggb10p
+  nearfield inspect --rig robot.toml --sheet-mm 7 led.png  a red LED's band instead of a laser")]
 pub struct Inspect {
     /// The rig that took the pictures.
     #[arg(long, value_name = "RIG.toml")]
@@ -48,9 +50,21 @@ pub struct Inspect {
     /// Whose heights the objects have; `paper` is its closed form, and its own objects.
     #[arg(long, value_enum, default_value_t)]
     height: Method,
-    /// Pictures: PNG, JPEG, or raw frames of the rig's size (.yuv = YUV420 planar, .nv12).
+    /// Thickness of the sheet of light at half of its brightness, millimetres: 1 is a line laser in focus; a red LED
+    /// behind a slit gives 5 to 10.
+    #[arg(long, default_value_t = LASER_SHEET_MM, value_name = "MM", value_parser = parse_sheet)]
+    sheet_mm: f64,
+    /// Pictures: PNG, JPEG, PGM, or raw frames of the rig's size: .yuv (YUV420 planar), .nv12, raw Bayer as V4L2 names it
+    /// (.srggb10p and .srggb12p packed, .srggb10, .srggb12, .srggb16 in words; also sbggr, sgrbg, sgbrg).
     #[arg(required = true, value_name = "IMAGE")]
     images: Vec<PathBuf>,
+}
+
+fn parse_sheet(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(sheet) if (0.2..=40.0).contains(&sheet) => Ok(sheet),
+        _ => Err("give 0.2 to 40 millimetres".to_owned()),
+    }
 }
 
 /// This project's method, or the source paper's own for comparison.
@@ -70,7 +84,7 @@ impl Inspect {
     /// The rig cannot be used, a drawing cannot be written, or the safety controller cannot be reached.
     pub fn run(&self) -> anyhow::Result<u8> {
         let rig = rig_file::load(&self.rig)?;
-        let mut inspector = Inspector::new(&rig, self.mcu, &self.rig)?;
+        let mut inspector = Inspector::new(&rig, self.sheet_mm, self.mcu, &self.rig)?;
         let mut drawings = self.annotate.as_deref().map(Drawings::new).transpose()?;
         let mut code = 0;
         for image in &self.images {
@@ -124,11 +138,11 @@ struct Inspector {
 }
 
 impl Inspector {
-    fn new(rig: &Rig, mcu: McuChoice, path: &Path) -> anyhow::Result<Self> {
+    fn new(rig: &Rig, sheet_mm: f64, mcu: McuChoice, path: &Path) -> anyhow::Result<Self> {
         let name = || path.display().to_string();
         Ok(Self {
             rig: *rig,
-            analyser: Analyser::new(rig).with_context(name)?,
+            analyser: Analyser::with_sheet(rig, sheet_mm).with_context(name)?,
             encoder: LineScanEncoder::new(rig).with_context(name)?,
             examiner: Examiner::new(mcu, rig)?,
             rgb: Vec::new(),

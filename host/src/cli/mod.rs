@@ -32,6 +32,8 @@ pub mod service;
 pub mod study;
 pub mod twin;
 pub mod twin_calibration;
+pub mod twin_compare;
+pub mod twin_speed;
 
 use std::process::ExitCode;
 

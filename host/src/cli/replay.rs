@@ -116,7 +116,7 @@ fn pictures_of(directory: &Path) -> anyhow::Result<Vec<PathBuf>> {
         }
     }
     if pictures.is_empty() {
-        bail!("{}: no pictures in it (PNG, JPEG, .yuv or .nv12)", directory.display());
+        bail!("{}: no pictures in it (PNG, JPEG, PGM or raw frames)", directory.display());
     }
     pictures.sort();
     Ok(pictures)

@@ -1,16 +1,17 @@
 //! `nearfield twin`: pictures from the digital twin.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use anyhow::{Context as _, bail};
 use clap::{Args, Subcommand};
+use indicatif::ProgressBar;
 use nearfield_shared::rig::Rig;
 use serde::Serialize;
 
+use crate::capture::{Frame, Pixels, RawFormat};
 use crate::rig_file;
 use crate::twin::gallery::{self, CENTRE, GALLERY, Mounting, SIDE, Theme, WIDE};
-use crate::twin::{ExpectedCutoff, Picture, Scene, Truth, Twin, View};
+use crate::twin::{ExpectedCutoff, Picture, Scene, Sequence, Truth};
 
 /// Pictures from the digital twin, with the exact truth about them.
 #[derive(Debug, Args)]
@@ -24,6 +25,8 @@ enum Command {
     Render(Render),
     Calibration(super::twin_calibration::Calibration),
     Study(super::study::Study),
+    Speed(super::twin_speed::Speed),
+    Compare(super::twin_compare::Compare),
     /// List the ready-made scenes and rigs.
     Scenes,
 }
@@ -33,6 +36,11 @@ enum Command {
 /// Writes into DIR: `frame_0000.png`, `frame_0001.png` ..., beside each a `.json` with the truth (gaps in millimetres
 /// along the stripe, heights of the objects on it, the profile per millimetre), the rig as `rig.toml` and the scene
 /// as `scene.toml`. Objects with a velocity move from frame to frame.
+///
+/// In a scene file also: `[robot]` velocity_mm_per_s, vibration_mm, vibration_hz (camera and laser move; the truth's `moment`
+/// says where they are); `[look]` row_time_us (rolling shutter), vignetting (share of light lost in the farthest corner),
+/// bounce (1: lit bodies throw light on what is around them), led_band_mm (a red LED's wide, dim band instead of the laser).
+/// `nearfield_host::twin::truth` documents every field of the truth.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -40,6 +48,7 @@ Examples:
   nearfield twin render --scene box_45 --out box           one picture of a box, the built-in rig
   nearfield twin render --rig robot.toml --scene hand --out hand --frames 20
   nearfield twin render --scene random:7 --out seven       a random scene; the same number gives the same scene
+  nearfield twin render --scene hand --format srggb10p --out raw      raw Bayer, as libcamera's SRGGB10_CSI2P
   nearfield twin render --scene mine.toml --out mine       a scene of your own; start from the scene.toml of another
   nearfield inspect --rig box/rig.toml box/frame_0000.png  what the sensor makes of it")]
 struct Render {
@@ -64,6 +73,13 @@ struct Render {
     /// Brightness command of the laser, 0 (off) to 1.
     #[arg(long, default_value_t = 1.0)]
     laser: f32,
+    /// Kind of picture: png, pgm (brightness only), yuv, nv12, or raw Bayer: srggb10p, srggb12p (packed), srggb10, srggb12,
+    /// srggb16 (16-bit words).
+    #[arg(long, default_value = "png", value_parser = ["png", "pgm", "yuv", "nv12", "srggb10p", "srggb12p", "srggb10", "srggb12", "srggb16"])]
+    format: String,
+    /// Threads; left out: one for each core. The pictures are the same.
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=256))]
+    threads: Option<u16>,
     /// One JSON object a picture on standard output.
     #[arg(long)]
     json: bool,
@@ -88,6 +104,8 @@ impl TwinArguments {
             Command::Render(render) => render.run()?,
             Command::Calibration(calibration) => calibration.run()?,
             Command::Study(study) => return study.run(),
+            Command::Speed(speed) => speed.run()?,
+            Command::Compare(compare) => compare.run()?,
             Command::Scenes => list()?,
         }
         Ok(0)
@@ -117,6 +135,10 @@ const RIGS: [(&str, Mounting, &str); 3] = [
 
 impl Render {
     fn run(&self) -> anyhow::Result<()> {
+        super::twin_speed::threads(self.threads)?.install(|| self.render())
+    }
+
+    fn render(&self) -> anyhow::Result<()> {
         if !(0.1..=100_000.0).contains(&self.fps) {
             bail!("--fps {}: must be 0.1 to 100000", self.fps);
         }
@@ -129,24 +151,39 @@ impl Render {
             .with_context(|| format!("{}: cannot make it", self.out.display()))?;
         write(&self.out.join("rig.toml"), rig_file::to_toml(&rig).as_bytes())?;
         write(&self.out.join("scene.toml"), toml::to_string(&scene).context("scene as TOML")?.as_bytes())?;
-        let mut twin = Twin::new(Arc::new(View::new(&rig)), &scene, self.seed)?;
-        let mut picture = Picture::black(0, 0);
-        for frame in 0..self.frames {
-            if frame > 0 {
-                twin.place(&scene.after(f64::from(frame) / self.fps).objects)?;
-            }
-            twin.render_into(u64::from(frame), self.laser, &mut picture);
-            self.save(frame, &picture, &twin.truth(self.laser))?;
+        let raw = RawFormat::from_extension(&self.format);
+        let mut scene = scene;
+        scene.look.demosaiced &= raw.is_none();
+        let is_sequence = scene.robot.is_moving() || scene.look.row_time_us > 0.0;
+        if is_sequence && raw.is_some() {
+            bail!(
+                "--format {}: a moving robot and a rolling shutter are rendered as png, pgm, yuv or nv12",
+                self.format
+            );
         }
+        let mut sequence = Sequence::new(&rig, &scene, self.seed)?;
+        let bar = progress(self.frames);
+        for frame in 0..self.frames {
+            let seconds = f64::from(frame) / self.fps;
+            let number = u64::from(frame);
+            let (bytes, truth) = if let Some(raw) = raw {
+                let (mosaic, truth) = sequence.mosaic(number, seconds, self.laser)?;
+                (raw.write(usize::from(rig.image().width), &mosaic), truth)
+            } else {
+                let (picture, truth) = sequence.picture(number, seconds, self.laser)?;
+                (encode(&picture, &self.format)?, truth)
+            };
+            self.save(frame, &bytes, &truth)?;
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
         Ok(())
     }
 
-    fn save(&self, frame: u32, picture: &Picture, truth: &Truth) -> anyhow::Result<()> {
+    fn save(&self, frame: u32, bytes: &[u8], truth: &Truth) -> anyhow::Result<()> {
         let stem = self.out.join(format!("frame_{frame:04}"));
-        let (png, json) = (stem.with_extension("png"), stem.with_extension("json"));
-        let (width, height) = (u32::try_from(picture.width)?, u32::try_from(picture.height)?);
-        image::save_buffer(&png, &picture.rgb, width, height, image::ExtendedColorType::Rgb8)
-            .with_context(|| format!("{}: cannot write the picture", png.display()))?;
+        let (png, json) = (stem.with_extension(&self.format), stem.with_extension("json"));
+        write(&png, bytes)?;
         write(&json, &serde_json::to_vec(truth)?)?;
         if self.json {
             let line = Line {
@@ -161,6 +198,45 @@ impl Render {
         }
         Ok(())
     }
+}
+
+/// A picture as a file of this kind.
+fn encode(picture: &Picture, format: &str) -> anyhow::Result<Vec<u8>> {
+    let frame = picture.to_rgb_frame()?;
+    let (width, height) = (u32::try_from(picture.width)?, u32::try_from(picture.height)?);
+    let bytes = |frame: Frame| match frame.pixels() {
+        Pixels::Rgb(bytes) | Pixels::Grey(bytes) | Pixels::Yuv420(bytes) | Pixels::Nv12(bytes) => {
+            bytes.clone()
+        }
+    };
+    Ok(match format {
+        "yuv" => bytes(picture.to_yuv420_frame()?),
+        "nv12" => bytes(frame.to_nv12()),
+        "pgm" => {
+            // A monochrome camera behind the laser's band-pass sees what a colour camera's red pixels see.
+            let red = picture.rgb.chunks_exact(3).map(|pixel| pixel[0]);
+            format!("P5\n{width} {height}\n255\n").into_bytes().into_iter().chain(red).collect()
+        }
+        _ => {
+            let mut png = std::io::Cursor::new(Vec::new());
+            image::write_buffer_with_format(
+                &mut png,
+                &picture.rgb,
+                width,
+                height,
+                image::ExtendedColorType::Rgb8,
+                image::ImageFormat::Png,
+            )
+            .context("cannot encode the picture")?;
+            png.into_inner()
+        }
+    })
+}
+
+fn progress(frames: u32) -> ProgressBar {
+    let bar = if frames > 1 { ProgressBar::new(u64::from(frames)) } else { ProgressBar::hidden() };
+    bar.set_message("rendering");
+    bar
 }
 
 fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {

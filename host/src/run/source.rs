@@ -146,7 +146,7 @@ impl FolderSource {
         }
         pictures.sort();
         if pictures.is_empty() {
-            bail!("{}: no pictures in it (PNG, JPEG, .yuv or .nv12)", folder.display());
+            bail!("{}: no pictures in it (PNG, JPEG, PGM or raw frames)", folder.display());
         }
         Ok(Self { pictures, size, next: 0, frame: Frame::empty() })
     }

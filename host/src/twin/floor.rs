@@ -9,6 +9,7 @@ use super::scene::{Floor, FloorKind, PaintedLine};
 pub struct FloorTexture {
     kind: FloorKind,
     paint: Vec<PaintedLine>,
+    shift: [f64; 2],
     seed: u64,
 }
 
@@ -24,7 +25,8 @@ impl FloorTexture {
     /// The same floor and seed give the same colours for ever.
     #[must_use]
     pub fn new(floor: &Floor, seed: u64) -> Self {
-        Self { kind: floor.kind, paint: floor.paint.clone(), seed: scramble(seed ^ 0x0066_6C6F_6F72) }
+        let seed = scramble(seed ^ 0x0066_6C6F_6F72);
+        Self { kind: floor.kind, paint: floor.paint.clone(), shift: floor.shift_mm, seed }
     }
 
     /// Mean colour of a floor kind, linear sRGB.
@@ -46,6 +48,7 @@ impl FloorTexture {
     /// because a pixel averages over them.
     #[must_use]
     pub fn albedo(&self, along: f64, across: f64, footprint: f64) -> LinearColour {
+        let (along, across) = (along - self.shift[0], across - self.shift[1]);
         let ground = self.ground(along, across, footprint);
         self.paint.iter().fold(ground, |under, line| {
             let cover = self.cover(line, along, across, footprint);
@@ -160,7 +163,7 @@ mod tests {
     #[test]
     fn every_floor_has_about_its_mean_colour() {
         for kind in FloorKind::ALL {
-            let texture = FloorTexture::new(&Floor { kind, paint: Vec::new() }, 5);
+            let texture = FloorTexture::new(&Floor { kind, paint: Vec::new(), ..Floor::default() }, 5);
             let mut sum = [0.0_f64; 3];
             for i in 0..4000 {
                 let colour = texture.albedo(f64::from(i % 80) * 13.7, f64::from(i / 80) * 17.3, 1.0);
@@ -181,8 +184,10 @@ mod tests {
             width_mm: 75.0,
             angle_degrees: 90.0,
         };
-        let painted = FloorTexture::new(&Floor { kind: FloorKind::Concrete, paint: vec![line] }, 5);
-        let bare = FloorTexture::new(&Floor { kind: FloorKind::Concrete, paint: Vec::new() }, 5);
+        let painted =
+            FloorTexture::new(&Floor { kind: FloorKind::Concrete, paint: vec![line], ..Floor::default() }, 5);
+        let bare =
+            FloorTexture::new(&Floor { kind: FloorKind::Concrete, paint: Vec::new(), ..Floor::default() }, 5);
         for across in [-400.0, 0.0, 250.0] {
             assert!(painted.albedo(30.0 + 30.0, across, 1.0)[1] < 0.06, "inside");
             assert_eq!(painted.albedo(30.0 + 42.0, across, 1.0), bare.albedo(30.0 + 42.0, across, 1.0));

@@ -203,12 +203,17 @@ const YELLOW_PAINT: [f32; 3] = [0.72, 0.48, 0.04];
 const WHITE_PAINT: [f32; 3] = [0.78, 0.78, 0.76];
 
 fn red_line() -> Scene {
-    let floor = Floor { kind: FloorKind::ConcreteDark, paint: vec![line(RED_PAINT, -20.0, 0.0, 75.0)] };
+    let floor = Floor {
+        kind: FloorKind::ConcreteDark,
+        paint: vec![line(RED_PAINT, -20.0, 0.0, 75.0)],
+        ..Floor::default()
+    };
     Scene { floor, light: Light { lux: 1500.0, ..Light::default() }, ..Scene::default() }
 }
 
 fn tiles() -> Scene {
-    let floor = Floor { kind: FloorKind::Tiles, paint: vec![line(YELLOW_PAINT, 0.0, 90.0, 3.0)] };
+    let floor =
+        Floor { kind: FloorKind::Tiles, paint: vec![line(YELLOW_PAINT, 0.0, 90.0, 3.0)], ..Floor::default() };
     Scene { floor, ..Scene::default() }
 }
 
@@ -259,7 +264,7 @@ pub fn random_scene(seed: u64, theme: Theme, stripe: &Stripe) -> Scene {
         objects.push(bystander(&mut dice, along));
     }
     let note = format!("random {theme:?}, seed {seed}");
-    Scene { note, floor: Floor { kind, paint }, light, look, objects }
+    Scene { note, floor: Floor { kind, paint, ..Floor::default() }, light, look, objects, ..Scene::default() }
 }
 
 const SOLID_MATERIALS: [&str; 10] = [

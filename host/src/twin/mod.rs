@@ -23,17 +23,21 @@
 //! | [`scene`], [`material`], [`gallery`] | what is there: files, materials, ready-made and random scenes |
 //! | [`view`] | a rig's lines of sight, computed once |
 //! | [`shape`], [`body`] | solids and what a ray meets |
-//! | [`floor`], [`light`], [`sheet`] | colours of floors, daylight, the laser's sheet |
+//! | [`floor`], [`light`], [`sheet`], [`bounce`] | colours of floors, daylight, the laser's sheet, light thrown on by bodies |
 //! | [`patch`], [`sensor`], [`picture`] | lens blur, noise and colour, bytes |
 //! | [`render`] | all of it together: [`Twin`] |
+//! | [`sequence`] | a robot and objects that move, rolling shutter: [`Sequence`] |
 //! | [`board`] | pictures of a calibration board |
 //! | [`truth`] | what a correct sensor must say |
+//! | [`compare`] | measured against another renderer's pictures |
 //!
-//! Not modelled yet: light that bounces between surfaces, translucent bodies, vignetting, the Bayer mosaic, rolling
-//! shutter and motion blur.
+//! Not modelled: light that bounces more than once, mirror images in wet floors, translucent bodies, dirt on the lens,
+//! blur by motion within an exposure.
 
 pub mod board;
 pub mod body;
+pub mod bounce;
+pub mod compare;
 pub mod floor;
 pub mod gallery;
 pub mod light;
@@ -45,6 +49,7 @@ pub mod render;
 pub mod scene;
 mod scene_check;
 pub mod sensor;
+pub mod sequence;
 pub mod shape;
 pub mod sheet;
 pub mod truth;
@@ -53,5 +58,6 @@ pub mod view;
 pub use picture::Picture;
 pub use render::Twin;
 pub use scene::{Scene, SceneError, SceneObject};
+pub use sequence::{Sequence, SequenceError};
 pub use truth::{ExpectedCutoff, Truth};
 pub use view::View;

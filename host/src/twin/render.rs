@@ -13,6 +13,7 @@ use nearfield_shared::camera::Vector;
 use rayon::prelude::*;
 
 use super::body::{FloorAxes, Surface, World};
+use super::bounce::Bounce;
 use super::floor::FloorTexture;
 use super::light::{self, Daylight, SHADOW_REACH_MM};
 use super::material::Material;
@@ -58,6 +59,8 @@ pub struct Twin {
     view: Arc<View>,
     axes: FloorAxes,
     sheet: Sheet,
+    /// Light of the stripe that the bodies throw on; none if the look asks for none.
+    bounce: Bounce,
     world: World,
     look: Look,
     daylight: Daylight,
@@ -89,7 +92,8 @@ impl Twin {
         let pixels = view.width() * view.height();
         let mut twin = Self {
             axes,
-            sheet: Sheet::new(view.rig(), scene.look.fan_overhang_mm),
+            sheet: Sheet::new(view.rig(), &scene.look),
+            bounce: Bounce::default(),
             world: World::default(),
             look: scene.look.clone(),
             daylight: Daylight::new(axes, &scene.light),
@@ -131,6 +135,9 @@ impl Twin {
         let probe = Scene { objects: objects.to_vec(), ..Scene::default() };
         probe.check()?;
         self.world = World::new(&self.axes, objects)?;
+        if self.look.bounce > 0.0 {
+            self.bounce = Bounce::of(self.view.rig(), &self.sheet, &self.world);
+        }
         let (width, height) = (self.view.width(), self.view.height());
         let margin = gaussian(self.blur()).len();
         let areas =
@@ -160,10 +167,22 @@ impl Twin {
         if (picture.width, picture.height) != (self.view.width(), self.view.height()) {
             *picture = Picture::black(self.view.width(), self.view.height());
         }
+        self.sensor.expose(&self.day, &self.laser, &self.shot(frame, drive), picture);
+    }
+
+    /// Takes a picture as the sensor's Bayer mosaic, red first: one value a pixel, row by row, black at 4096 of 65536. The
+    /// look should say that nothing was demosaiced ([`Look::demosaiced`]).
+    #[must_use]
+    pub fn render_mosaic(&self, frame: u64, drive: f32) -> Vec<u16> {
+        let mut mosaic = vec![0; self.view.width() * self.view.height()];
+        let (shot, columns) = (self.shot(frame, drive), self.view.width());
+        self.sensor.expose_mosaic(&self.day, &self.laser, &shot, columns, &mut mosaic);
+        mosaic
+    }
+
+    fn shot(&self, frame: u64, drive: f32) -> Shot<'_> {
         let drive = if drive.is_finite() { drive.clamp(0.0, 1.0) } else { 0.0 };
-        let shot =
-            Shot { look: &self.look, exposure: self.exposure, drive, frame, scale: self.scale() as f32 };
-        self.sensor.expose(&self.day, &self.laser, &shot, picture);
+        Shot { look: &self.look, exposure: self.exposure, drive, frame, scale: self.scale() as f32 }
     }
 
     /// What is really there, while the laser is driven at `drive`.
@@ -291,7 +310,31 @@ impl Twin {
                 &body.material,
             )),
         };
-        (colour.map(|value| value * open), self.laser_light(&surface, column, row, towards_eye))
+        let laser =
+            self.laser_light(&surface, column, row, towards_eye) + self.bounced_light(&surface, column, row);
+        (colour.map(|value| value * open), laser)
+    }
+
+    /// Laser light that comes by way of a body, scattered to the eye.
+    fn bounced_light(&self, surface: &Surface, column: usize, row: usize) -> f32 {
+        if self.look.bounce <= 0.0 {
+            return 0.0;
+        }
+        let light = self.look.bounce * self.bounce.irradiance(surface.point, surface.normal);
+        if light <= 0.0 {
+            return 0.0;
+        }
+        let albedo = match surface.body.and_then(|index| self.world.bodies.get(index)) {
+            Some(body) => body.material.laser_albedo,
+            None => self.floor_albedo(surface, column, row)[0],
+        };
+        light as f32 * albedo
+    }
+
+    fn floor_albedo(&self, floor: &Surface, column: usize, row: usize) -> [f32; 3] {
+        let steps = self.view.steps(column, row, floor.point, floor.normal);
+        let [along, across] = self.axes.coordinates(floor.point);
+        self.texture.albedo(along, across, length(steps[0]).max(length(steps[1])))
     }
 
     fn laser_light(&self, surface: &Surface, column: usize, row: usize, towards_eye: Vector) -> f32 {
@@ -382,12 +425,16 @@ impl Twin {
 
     /// Standard deviation of the whole blur, pixels of this picture.
     fn blur(&self) -> f64 {
-        self.look.blur_pixels.hypot(DEMOSAIC_BLUR * self.scale())
+        let demosaicing = if self.look.demosaiced { DEMOSAIC_BLUR * self.scale() } else { 0.0 };
+        self.look.blur_pixels.hypot(demosaicing)
     }
 
     /// The laser's speckle at a pixel: log-normal with mean 1. The blur averages over grains; their contrast is
     /// raised by as much, so that the scene's contrast is left in the picture.
     fn speckle(&self, column: usize, row: usize) -> f32 {
+        if self.look.led_band_mm.is_some() {
+            return 1.0;
+        }
         let grain = (GRAIN * self.scale()).round().max(1.0);
         let averaging = (2.0 * self.blur() * std::f64::consts::PI.sqrt() / grain).max(1.0);
         let variance = (self.look.speckle * averaging).powi(2).ln_1p();

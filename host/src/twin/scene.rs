@@ -8,6 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::material::{self, LinearColour, Material};
+use super::truth::Moment;
 
 /// A floor, its light, the camera's settings and the objects.
 ///
@@ -35,6 +36,8 @@ pub struct Scene {
     pub light: Light,
     /// Camera and laser settings.
     pub look: Look,
+    /// How the robot moves that carries camera and laser.
+    pub robot: Robot,
     /// Everything on (or in) the floor.
     pub objects: Vec<SceneObject>,
 }
@@ -47,11 +50,19 @@ pub struct Floor {
     pub kind: FloorKind,
     /// Lines painted on it; later ones cover earlier ones.
     pub paint: Vec<PaintedLine>,
+    /// How far its pattern and paint lie shifted, along and across the stripe: where the robot stands.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub shift_mm: [f64; 2],
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde hands over references")]
+fn is_zero(values: &[f64; 2]) -> bool {
+    *values == [0.0; 2]
 }
 
 impl Default for Floor {
     fn default() -> Self {
-        Self { kind: FloorKind::Concrete, paint: Vec::new() }
+        Self { kind: FloorKind::Concrete, paint: Vec::new(), shift_mm: [0.0; 2] }
     }
 }
 
@@ -151,6 +162,20 @@ pub struct Look {
     pub laser_power: f64,
     /// How far the fan of light reaches beyond both ends of the watched stripe.
     pub fan_overhang_mm: f64,
+    /// Width (at 1/e^2) of the band of a red LED with a slit that stands in for the laser, in the focus; such a band is as
+    /// much dimmer than the laser's line as it is wider, and has no speckle. Left out: the laser.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub led_band_mm: Option<f64>,
+    /// Share of the light that the lens loses in the picture's farthest corner; grows with the square of the distance
+    /// from the middle.
+    pub vignetting: f64,
+    /// Strength of the light that lit bodies throw on what is around them: 0 none, 1 as physics says.
+    pub bounce: f64,
+    /// Time from one row's exposure to the next one's, microseconds: a rolling shutter (13.4 for the Camera Module 3 at
+    /// 2304x1296). 0: all rows at once. Seen only in sequences.
+    pub row_time_us: f64,
+    /// False: the picture is a Bayer mosaic, which no processor has blurred by reconstructing colours.
+    pub demosaiced: bool,
 }
 
 impl Default for Look {
@@ -165,7 +190,41 @@ impl Default for Look {
             halo: 0.02,
             laser_power: 1.0,
             fan_overhang_mm: 8.0,
+            led_band_mm: None,
+            vignetting: 0.0,
+            bounce: 0.0,
+            row_time_us: 0.0,
+            demosaiced: true,
         }
+    }
+}
+
+/// How the robot moves; camera and laser with it. The floor and all that stands on it goes by.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Robot {
+    /// Speed along the stripe and outward across it, millimetres a second.
+    pub velocity_mm_per_s: [f64; 2],
+    /// How far the mast swings up and down (amplitude).
+    pub vibration_mm: f64,
+    /// How often, hertz. Where in its period it begins follows from the seed.
+    pub vibration_hz: f64,
+}
+
+impl Robot {
+    /// Does the floor look different from picture to picture?
+    #[must_use]
+    pub fn is_moving(&self) -> bool {
+        self.velocity_mm_per_s != [0.0; 2] || (self.vibration_mm != 0.0 && self.vibration_hz != 0.0)
+    }
+
+    /// Where the robot is after `seconds`, from where it started; `phase` is the vibration's at the start, radians.
+    #[must_use]
+    pub fn at(&self, seconds: f64, phase: f64) -> Moment {
+        let [along, across] = self.velocity_mm_per_s.map(|speed| speed * seconds);
+        let swing = if self.vibration_hz == 0.0 { 0.0 } else { self.vibration_mm };
+        let robot_up_mm = swing * (std::f64::consts::TAU * self.vibration_hz * seconds + phase).sin();
+        Moment { seconds, robot_along_mm: along, robot_across_mm: across, robot_up_mm }
     }
 }
 
@@ -310,14 +369,18 @@ impl Scene {
         Ok(scene)
     }
 
-    /// The scene after `seconds`: every object has moved by its velocity.
+    /// The scene after `seconds`, as the robot sees it: every object has moved by its velocity, and the floor with all on
+    /// it against the robot's.
     #[must_use]
     pub fn after(&self, seconds: f64) -> Self {
         let mut moved = self.clone();
         for object in &mut moved.objects {
             let [along, across] = object.velocity_mm_per_s;
-            object.along_mm += along * seconds;
-            object.across_mm += across * seconds;
+            object.along_mm += (along - self.robot.velocity_mm_per_s[0]) * seconds;
+            object.across_mm += (across - self.robot.velocity_mm_per_s[1]) * seconds;
+        }
+        for (shift, speed) in moved.floor.shift_mm.iter_mut().zip(self.robot.velocity_mm_per_s) {
+            *shift -= speed * seconds;
         }
         moved
     }

@@ -20,6 +20,18 @@ impl Scene {
         within("look.halo", look.halo, 0.0, 0.5)?;
         within("look.laser_power", look.laser_power, 0.0, 100.0)?;
         within("look.fan_overhang_mm", look.fan_overhang_mm, -1000.0, 1000.0)?;
+        within("look.led_band_mm", look.led_band_mm.unwrap_or(10.0), 1.0, 60.0)?;
+        within("look.vignetting", look.vignetting, 0.0, 0.9)?;
+        within("look.bounce", look.bounce, 0.0, 10.0)?;
+        within("look.row_time_us", look.row_time_us, 0.0, 1000.0)?;
+        for speed in self.robot.velocity_mm_per_s {
+            within("robot.velocity_mm_per_s", speed, -1e5, 1e5)?;
+        }
+        within("robot.vibration_mm", self.robot.vibration_mm, 0.0, 50.0)?;
+        within("robot.vibration_hz", self.robot.vibration_hz, 0.0, 1000.0)?;
+        for shift in self.floor.shift_mm {
+            within("floor.shift_mm", shift, -1e7, 1e7)?;
+        }
         within("light.lux", self.light.lux, 0.0, 200_000.0)?;
         within("light.from_degrees", self.light.from_degrees, -3600.0, 3600.0)?;
         within("light.unevenness", self.light.unevenness, -1.0, 1.0)?;

@@ -6,6 +6,7 @@ use super::material::LinearColour;
 use super::picture::Picture;
 use super::random::{NoiseTable, scramble};
 use super::scene::Look;
+use crate::simd::{self, Kernel};
 
 /// From the sensor's own colours to linear sRGB; each row sums to 1 so that grey stays grey. The negative entries are
 /// why a pure red laser makes green *darker* on a grey floor, as real cameras show. Shaped after a typical colour
@@ -17,6 +18,8 @@ const LASER_RESPONSE: [f32; 3] = [1.0, 0.10, 0.04];
 const LASER_STRENGTH: f32 = 17.0;
 /// Demosaicing and the processor's noise reduction leave this share of a single pixel's noise.
 const NOISE_LEFT: f32 = 0.55;
+/// What the sensor gives for darkness in a mosaic, of 65536.
+pub const MOSAIC_BLACK: u16 = 4096;
 /// Steps of the tone table.
 const TONE_STEPS: usize = 4096;
 
@@ -54,34 +57,79 @@ impl Sensor {
     pub fn expose(&self, daylight: &RawPlanes, laser: &[f32], shot: &Shot<'_>, picture: &mut Picture) {
         let width = picture.width;
         picture.rgb.par_chunks_mut(3 * width).enumerate().for_each_init(
-            || vec![0.0_f32; 3 * width],
-            |raw, (row, bytes)| {
-                raw.copy_from_slice(&daylight.values[3 * width * row..3 * width * (row + 1)]);
-                let light = &laser[width * row..width * (row + 1)];
-                self.collect(raw, light, shot, row);
-                self.process(raw, bytes);
+            || (vec![0.0_f32; 3 * width], vec![0_u16; 3 * width]),
+            |(raw, steps), (row, bytes)| {
+                self.expose_row(daylight, laser, shot, row, NOISE_LEFT * shot.scale.clamp(0.1, 1.0), raw);
+                self.process(raw, steps, bytes);
             },
         );
     }
 
+    /// As [`Self::expose`], but tells the light of each pixel's own colour before any processing, in the order red green
+    /// / green blue, black at [`MOSAIC_BLACK`].
+    pub fn expose_mosaic(
+        &self,
+        daylight: &RawPlanes,
+        laser: &[f32],
+        shot: &Shot<'_>,
+        columns: usize,
+        mosaic: &mut [u16],
+    ) {
+        mosaic.par_chunks_mut(columns).enumerate().for_each_init(
+            || vec![0.0_f32; 3 * columns],
+            |raw, (row, values)| {
+                self.expose_row(daylight, laser, shot, row, 1.0, raw);
+                for (column, value) in values.iter_mut().enumerate() {
+                    let light = raw[(row % 2 + column % 2) * columns + column];
+                    *value = MOSAIC_BLACK + (light * f32::from(u16::MAX - MOSAIC_BLACK)) as u16;
+                }
+            },
+        );
+    }
+
+    /// One row's light with the lens's losses and noise; `left` is the share of the noise that is left.
+    fn expose_row(
+        &self,
+        daylight: &RawPlanes,
+        laser: &[f32],
+        shot: &Shot<'_>,
+        row: usize,
+        left: f32,
+        raw: &mut [f32],
+    ) {
+        let width = raw.len() / 3;
+        raw.copy_from_slice(&daylight.values[3 * width * row..3 * width * (row + 1)]);
+        let light = &laser[width * row..width * (row + 1)];
+        if shot.look.vignetting > 0.0 {
+            let mut light = light.to_vec();
+            let height = laser.len() / width.max(1);
+            let centre = [width, height].map(|length| (length as f32 - 1.0) / 2.0);
+            let farthest = centre[0].powi(2) + centre[1].powi(2);
+            for column in 0..width {
+                let square = (column as f32 - centre[0]).powi(2) + (row as f32 - centre[1]).powi(2);
+                let share = 1.0 - shot.look.vignetting as f32 * square / farthest.max(1.0);
+                light[column] *= share;
+                (0..3).for_each(|channel| raw[channel * width + column] *= share);
+            }
+            self.collect(raw, &light, shot, row, left);
+        } else {
+            self.collect(raw, light, shot, row, left);
+        }
+    }
+
     /// Adds laser light and noise to one row, clips it at saturation.
-    fn collect(&self, raw: &mut [f32], laser: &[f32], shot: &Shot<'_>, row: usize) {
+    fn collect(&self, raw: &mut [f32], laser: &[f32], shot: &Shot<'_>, row: usize, left: f32) {
         let look = shot.look;
         let well = (look.full_well_electrons / look.gain) as f32;
         let read = (look.read_noise_electrons as f32 / well).powi(2);
         let exposure = shot.exposure;
         let strength = LASER_STRENGTH * exposure * shot.drive * look.laser_power as f32;
-        let left = NOISE_LEFT * shot.scale.clamp(0.1, 1.0);
         let width = laser.len();
         let word = scramble(self.seed ^ scramble(shot.frame ^ ((row as u64) << 40)));
         for (channel, plane) in raw.chunks_exact_mut(width).enumerate() {
             let noise = self.noise.stretch(scramble(word ^ channel as u64), width);
             let response = LASER_RESPONSE[channel] * strength;
-            for ((value, light), random) in plane.iter_mut().zip(laser).zip(noise) {
-                let signal = *value * exposure + *light * response;
-                let deviation = left * (signal.max(0.0) / well + read).sqrt();
-                *value = (signal + deviation * random).clamp(0.0, 1.0);
-            }
+            simd::run(Collect { plane, laser, noise, exposure, response, well, read, left });
         }
     }
 
@@ -98,15 +146,66 @@ impl Sensor {
         (lit - dark, left * (lit / well + read).sqrt())
     }
 
-    /// Colour matrix and tone curve of one row.
-    fn process(&self, raw: &[f32], bytes: &mut [u8]) {
+    /// Colour matrix and tone curve of one row; `steps` is working memory.
+    fn process(&self, raw: &[f32], steps: &mut [u16], bytes: &mut [u8]) {
+        simd::run(Mix { raw, steps });
         let width = raw.len() / 3;
-        let (red, rest) = raw.split_at(width);
+        let (red, rest) = steps.split_at(width);
         let (green, blue) = rest.split_at(width);
+        // A table of this length takes every masked step without a check.
+        let Some(tone) = self.tone.first_chunk::<TONE_STEPS>() else { return };
+        let tone = |step: &u16| tone[usize::from(*step) % TONE_STEPS];
         for (((pixel, r), g), b) in bytes.chunks_exact_mut(3).zip(red).zip(green).zip(blue) {
-            for (byte, value) in pixel.iter_mut().zip(apply(&COLOUR_MATRIX, [*r, *g, *b])) {
-                let step = value.clamp(0.0, 1.0) * (TONE_STEPS - 1) as f32 + 0.5;
-                *byte = self.tone[step as usize];
+            pixel.copy_from_slice(&[tone(r), tone(g), tone(b)]);
+        }
+    }
+}
+
+/// One colour of one row: daylight becomes signal with laser light and noise, clipped at saturation.
+struct Collect<'a> {
+    plane: &'a mut [f32],
+    laser: &'a [f32],
+    noise: &'a [f32],
+    exposure: f32,
+    response: f32,
+    well: f32,
+    read: f32,
+    left: f32,
+}
+
+impl Kernel for Collect<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { plane, laser, noise, exposure, response, well, read, left } = self;
+        for ((value, light), random) in plane.iter_mut().zip(laser).zip(noise) {
+            let signal = *value * exposure + *light * response;
+            let deviation = left * (signal.max(0.0) / well + read).sqrt();
+            *value = (signal + deviation * random).clamp(0.0, 1.0);
+        }
+    }
+}
+
+/// The colour matrix over one row, as steps of the tone table.
+struct Mix<'a> {
+    raw: &'a [f32],
+    steps: &'a mut [u16],
+}
+
+impl Kernel for Mix<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let width = self.raw.len() / 3;
+        let (red, rest) = self.raw.split_at(width);
+        let (green, blue) = rest.split_at(width);
+        for (steps, [x, y, z]) in self.steps.chunks_exact_mut(width.max(1)).zip(COLOUR_MATRIX) {
+            for (((step, r), g), b) in steps.iter_mut().zip(red).zip(green).zip(blue) {
+                let value = x * r + y * g + z * b;
+                // `as` saturates; the value lies between the table's ends.
+                *step = (value.clamp(0.0, 1.0) * (TONE_STEPS - 1) as f32 + 0.5) as i32 as u16;
             }
         }
     }
@@ -179,7 +278,7 @@ mod tests {
         let look = Look::default();
         let deviation = |level: f32| {
             let mut raw = vec![level; 3 * 4096];
-            sensor.collect(&mut raw, &[0.0; 4096], &shot(&look), 0);
+            sensor.collect(&mut raw, &[0.0; 4096], &shot(&look), 0, NOISE_LEFT);
             let mean = raw.iter().sum::<f32>() / raw.len() as f32;
             (raw.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / raw.len() as f32).sqrt()
         };
@@ -193,6 +292,53 @@ mod tests {
         };
         assert_eq!(picture(1), picture(1));
         assert_ne!(picture(1), picture(2));
+    }
+
+    /// The lens loses the stated share in the farthest corner, a quarter of it half-way there, and nothing in the middle.
+    #[test]
+    fn vignetting_grows_with_the_square_of_the_distance_from_the_middle() {
+        let sensor = Sensor::new(1);
+        let look =
+            Look { vignetting: 0.4, full_well_electrons: 1e6, read_noise_electrons: 0.0, ..Look::default() };
+        let (width, height) = (201, 101);
+        let mut mosaic = vec![0; width * height];
+        let daylight = RawPlanes { values: vec![0.5; 3 * width * height] };
+        sensor.expose_mosaic(&daylight, &vec![0.0; width * height], &shot(&look), width, &mut mosaic);
+        let light = |column: usize, row: usize| {
+            f64::from(mosaic[row * width + column] - MOSAIC_BLACK) / f64::from(u16::MAX - MOSAIC_BLACK)
+        };
+        for (column, row, share) in [(100, 50, 1.0), (0, 0, 0.6), (200, 100, 0.6), (150, 75, 0.9)] {
+            let found = light(column, row) / 0.5;
+            assert!((found - share).abs() < 0.02, "{column}, {row}: {found} instead of {share}");
+        }
+    }
+
+    /// A mosaic has one colour to a pixel, red first, and its noise is a single pixel's: nothing has averaged it.
+    #[test]
+    fn a_mosaic_tells_each_pixels_own_colour_with_all_of_its_noise() {
+        let sensor = Sensor::new(1);
+        let look = Look { read_noise_electrons: 0.0, ..Look::default() };
+        let (width, height) = (64, 64);
+        let row: Vec<f32> = [0.2, 0.4, 0.6].into_iter().flat_map(|level| vec![level; width]).collect();
+        let daylight = RawPlanes { values: row.repeat(height) };
+        let mut mosaic = vec![0; width * height];
+        sensor.expose_mosaic(&daylight, &vec![0.0; width * height], &shot(&look), width, &mut mosaic);
+        for (first, level) in [([0, 0], 0.2), ([1, 0], 0.4), ([0, 1], 0.4), ([1, 1], 0.6)] {
+            let values: Vec<f64> = (first[1]..height)
+                .step_by(2)
+                .flat_map(|row| (first[0]..width).step_by(2).map(move |column| row * width + column))
+                .map(|at| f64::from(mosaic[at] - MOSAIC_BLACK) / f64::from(u16::MAX - MOSAIC_BLACK))
+                .collect();
+            let mean = values.iter().sum::<f64>() / values.len() as f64;
+            let variance =
+                values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64;
+            assert!((mean - level).abs() < 0.002, "{first:?}: {mean}");
+            let electrons = look.full_well_electrons / look.gain;
+            assert!(
+                (variance.sqrt() / (level / electrons).sqrt() - 1.0).abs() < 0.12,
+                "{first:?}: {variance}"
+            );
+        }
     }
 
     #[test]

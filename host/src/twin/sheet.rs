@@ -4,6 +4,7 @@ use nearfield_shared::camera::Vector;
 use nearfield_shared::laser::Laser;
 use nearfield_shared::rig::{Rig, Stripe};
 
+use super::scene::Look;
 use super::shape::{length, normalised};
 
 /// The sheet is focused here: distance from the laser, millimetres.
@@ -12,6 +13,10 @@ const FOCUS_MM: f64 = 540.0;
 const FOCUS_WIDTH_MM: f64 = 1.30;
 /// How the width grows away from the focus, millimetres per millimetre.
 const DIVERGENCE: f64 = 0.0035;
+/// The same for a red LED's band, whose source is no point.
+const LED_DIVERGENCE: f64 = 0.02;
+/// Area under a normal curve, by its full width at 1/e^2 and its height.
+const NORMAL_AREA: f64 = 0.626_657;
 /// The fan's ends fade over this length on the floor, millimetres.
 const FADE_MM: f64 = 2.0;
 /// Beyond this many standard deviations there is no light.
@@ -24,25 +29,39 @@ pub struct Sheet {
     stripe: Stripe,
     first_s: f64,
     last_s: f64,
+    /// Full width at 1/e^2 in the focus, millimetres, and how it grows away from there.
+    focus_width: f64,
+    divergence: f64,
 }
 
 impl Sheet {
-    /// A rig's sheet; the fan reaches `overhang_mm` beyond both ends of the watched stripe.
+    /// A rig's sheet, of the laser or of the LED that the look names.
     #[must_use]
-    pub fn new(rig: &Rig, overhang_mm: f64) -> Self {
-        let stripe = *rig.stripe();
+    pub fn new(rig: &Rig, look: &Look) -> Self {
+        let (stripe, overhang_mm) = (*rig.stripe(), look.fan_overhang_mm);
+        let (focus_width, divergence) =
+            look.led_band_mm.map_or((FOCUS_WIDTH_MM, DIVERGENCE), |band| (band, LED_DIVERGENCE));
         Self {
             laser: *rig.laser(),
             stripe,
             first_s: stripe.start - overhang_mm,
             last_s: stripe.end + overhang_mm,
+            focus_width,
+            divergence,
         }
     }
 
     /// Full width of the sheet at 1/e^2 at a distance from the laser, millimetres.
     #[must_use]
-    pub fn width(distance_mm: f64) -> f64 {
-        FOCUS_WIDTH_MM.hypot(DIVERGENCE * (distance_mm - FOCUS_MM))
+    pub fn width(&self, distance_mm: f64) -> f64 {
+        self.focus_width.hypot(self.divergence * (distance_mm - FOCUS_MM))
+    }
+
+    /// Light on a millimetre of a line across the fan at a distance from its source, in millimetres of the irradiance's
+    /// unit.
+    #[must_use]
+    pub fn line_strength(&self, distance_mm: f64) -> f64 {
+        NORMAL_AREA * FOCUS_WIDTH_MM * FOCUS_MM / distance_mm
     }
 
     /// Where the light comes from.
@@ -55,7 +74,8 @@ impl Sheet {
     #[must_use]
     pub fn is_near(&self, point: Vector) -> bool {
         const NEAR_MM: f64 = 12.0;
-        (self.laser.normal.dot(point) - self.laser.offset).abs() < NEAR_MM
+        let near = NEAR_MM.max(1.5 * self.focus_width);
+        (self.laser.normal.dot(point) - self.laser.offset).abs() < near
     }
 
     /// Irradiance of a surface at `point`, averaged over one pixel, relative to a surface that faces the laser in the
@@ -70,7 +90,7 @@ impl Sheet {
         if facing <= 0.0 || window <= 0.0 {
             return 0.0;
         }
-        let width = Self::width(distance);
+        let width = self.width(distance);
         let deviation = width / 4.0;
         let spread = steps.map(|step| self.laser.normal.dot(step).powi(2) / 12.0).into_iter().sum::<f64>();
         let wide = (deviation * deviation + spread).sqrt();
@@ -96,11 +116,15 @@ mod tests {
     use super::*;
     use crate::twin::gallery;
 
+    fn look() -> Look {
+        Look { fan_overhang_mm: 5.0, ..Look::default() }
+    }
+
     /// Light is not lost by thinness: over a line of pixels across the sheet the sum of irradiance times pixel size
     /// is the same for fine and coarse pixels.
     #[test]
     fn energy_does_not_depend_on_the_pixels_size() {
-        let sheet = Sheet::new(&gallery::default_rig(), 5.0);
+        let sheet = Sheet::new(&gallery::default_rig(), &look());
         let up = Vector::new(0.0, 0.0, 1.0);
         let total = |size: f64| -> f64 {
             let steps = [Vector::new(size, 0.0, 0.0), Vector::new(0.0, size, 0.0)];
@@ -117,10 +141,10 @@ mod tests {
 
     #[test]
     fn the_sheet_widens_away_from_its_focus_and_ends_with_its_fan() {
-        assert!((Sheet::width(540.0) - 1.30).abs() < 1e-12);
-        assert!(Sheet::width(1100.0) > 2.3 && Sheet::width(1100.0) < 2.4);
         let rig = gallery::default_rig();
-        let sheet = Sheet::new(&rig, 5.0);
+        let sheet = Sheet::new(&rig, &look());
+        assert!((sheet.width(540.0) - 1.30).abs() < 1e-12);
+        assert!(sheet.width(1100.0) > 2.3 && sheet.width(1100.0) < 2.4);
         let up = Vector::new(0.0, 0.0, 1.0);
         let at = |s: f64| sheet.irradiance(rig.stripe().at(s), up, [Vector::default(); 2]);
         assert!(at(rig.stripe().end) > 0.2);
@@ -128,10 +152,27 @@ mod tests {
         assert_eq!(at(rig.stripe().start - 7.0), 0.0);
     }
 
+    /// An LED has no more light than the laser, spread over its band.
+    #[test]
+    fn a_led_band_is_as_much_dimmer_as_it_is_wider() {
+        let rig = gallery::default_rig();
+        let up = Vector::new(0.0, 0.0, 1.0);
+        let across = |led_band_mm: Option<f64>| -> Vec<f64> {
+            let sheet = Sheet::new(&rig, &Look { led_band_mm, ..look() });
+            let at = |i: i32| Vector::new(0.0, 500.0 + f64::from(i) * 0.1, 0.0);
+            (-600..=600).map(|i| sheet.irradiance(at(i), up, [Vector::default(); 2])).collect()
+        };
+        let (laser, led) = (across(None), across(Some(12.0)));
+        let sum = |profile: &[f64]| profile.iter().sum::<f64>();
+        let most = |profile: &[f64]| profile.iter().copied().fold(0.0, f64::max);
+        assert!((sum(&led) / sum(&laser) - 1.0).abs() < 0.03, "{} and {}", sum(&led), sum(&laser));
+        assert!((most(&laser) / most(&led) - 12.0 / 1.3).abs() < 0.5, "{} and {}", most(&laser), most(&led));
+    }
+
     #[test]
     fn a_surface_that_faces_away_stays_dark() {
         let rig = gallery::default_rig();
-        let sheet = Sheet::new(&rig, 5.0);
+        let sheet = Sheet::new(&rig, &look());
         let away = normalised(rig.stripe().at(0.0).minus(rig.laser().origin));
         assert_eq!(sheet.irradiance(rig.stripe().at(0.0), away, [Vector::default(); 2]), 0.0);
     }

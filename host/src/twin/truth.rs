@@ -3,6 +3,7 @@
 //! The JSON (`schema: "nearfield-truth-1"`), all lengths in millimetres, s as the project's frames define it:
 //!
 //! * `stripe_mm`: first and last watched s; `laser_on`.
+//! * `moment`: when the row of the stripe's middle was exposed, and how far the robot had come by then.
 //! * `cutoff`: `trip` (an interruption, counting shifts of at least 5 mm seen from above, is at least 7 mm long),
 //!   `no_trip` (none at all), `borderline` (between), `stripe_missing` (laser off).
 //! * `intervals`: stretches that are `displaced` (the camera sees the light on an object), `hidden` (lit, but out of
@@ -134,6 +135,19 @@ pub struct Profile {
     pub row: Vec<Option<f64>>,
 }
 
+/// A moment of a sequence.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Moment {
+    /// Since the sequence's start.
+    pub seconds: f64,
+    /// The robot's way along the stripe.
+    pub robot_along_mm: f64,
+    /// The robot's way outward across the stripe.
+    pub robot_across_mm: f64,
+    /// How much higher than at rest camera and laser are.
+    pub robot_up_mm: f64,
+}
+
 /// The truth about one picture.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Truth {
@@ -145,6 +159,8 @@ pub struct Truth {
     pub height: usize,
     /// First and last watched s.
     pub stripe_mm: [f64; 2],
+    /// When, and where the robot was.
+    pub moment: Moment,
     /// False if the laser is off.
     pub laser_on: bool,
     /// What a correct sensor must say.
@@ -229,6 +245,7 @@ impl Truth {
             width: view.width(),
             height: view.height(),
             stripe_mm: [stripe.start, stripe.end],
+            moment: Moment::default(),
             laser_on,
             cutoff,
             longest_gap_mm,

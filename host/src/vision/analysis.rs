@@ -57,7 +57,19 @@ impl Analyser {
     /// # Errors
     /// [`GeometryError`] if the rig's picture does not resolve the stripe.
     pub fn new(rig: &Rig) -> Result<Self, GeometryError> {
-        let extractor = Extractor::new(rig)?;
+        Self::of(rig, Extractor::new(rig)?)
+    }
+
+    /// Prepares for a rig whose sheet of light is so thick at half of its brightness, millimetres: see
+    /// [`Extractor::with_sheet`].
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with_sheet(rig: &Rig, sheet_mm: f64) -> Result<Self, GeometryError> {
+        Self::of(rig, Extractor::with_sheet(rig, sheet_mm)?)
+    }
+
+    fn of(rig: &Rig, extractor: Extractor) -> Result<Self, GeometryError> {
         let mut monitor = Box::new(StripeMonitor::new());
         monitor.configure(rig, Decimation::none(rig.image().width))?;
         let columns = usize::from(rig.image().width);

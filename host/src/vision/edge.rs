@@ -5,6 +5,11 @@
 //! the column is explained twice: by a blurred step alone, and by a step with a ridge at that row, of one strength on
 //! each side of the edge. The ridge is believed if it explains what the step alone leaves, and is no small thing.
 
+mod fit;
+
+use crate::simd;
+use fit::{Elsewhere, Explain, Steps};
+
 /// Rows to both sides of the middle that are explained.
 pub const EXPLAINED_ROWS: usize = 12;
 const ROWS: usize = 2 * EXPLAINED_ROWS + 1;
@@ -66,29 +71,6 @@ impl Explanation {
             && misfit <= STEP_MISFIT * self.step.abs()
     }
 
-    /// Takes the step with a ridge on it, if that explains more.
-    fn offer(&mut self, samples: &[f32; ROWS], ridge: &[f32; ROWS], step: &[f32; ROWS], at: [usize; 2]) {
-        let before: [f32; ROWS] = std::array::from_fn(|row| ridge[row] * (1.0 - step[row]));
-        let behind: [f32; ROWS] = std::array::from_fn(|row| ridge[row] * step[row]);
-        let mut fit = Fit::of(samples, &[step, &before, &behind]);
-        let mut heights = [fit.factors[1], fit.factors[2]];
-        if heights[0] < 0.0 || heights[1] < 0.0 {
-            // Light adds: a ridge on one side only, the side on which it is one.
-            let [first, second] = [Fit::of(samples, &[step, &before]), Fit::of(samples, &[step, &behind])];
-            let candidates = [(first, [first.factors[1], 0.0]), (second, [0.0, second.factors[1]])];
-            let admitted = candidates.into_iter().filter(|(fit, _)| fit.factors[1] > 0.0);
-            let Some((better, of)) = admitted.min_by(|a, b| a.0.error.total_cmp(&b.0.error)) else { return };
-            (fit, heights) = (better, of);
-        }
-        if fit.error < self.with {
-            let height = |row: usize| heights[0] * before[row] + heights[1] * behind[row];
-            self.with = fit.error;
-            self.at = at;
-            self.ridge = (0..ROWS).map(height).fold(0.0, f32::max);
-            self.step = fit.factors[0];
-        }
-    }
-
     /// Is there a ridge at least this high?
     #[must_use]
     pub fn is_ridge(&self, least: f32, like: f32) -> bool {
@@ -110,14 +92,14 @@ impl Explanation {
 #[derive(Debug, Clone)]
 pub struct EdgeModel {
     deviation: f32,
-    steps: Box<[[[f32; ROWS]; STEPS]; BLURS.len()]>,
+    steps: Box<[Steps; BLURS.len()]>,
 }
 
 impl EdgeModel {
     /// For nothing yet: see [`Self::set_width`].
     #[must_use]
     pub fn new() -> Self {
-        Self { deviation: 0.0, steps: Box::new([[[0.0; ROWS]; STEPS]; BLURS.len()]) }
+        Self { deviation: 0.0, steps: Box::new([Steps::NONE; BLURS.len()]) }
     }
 
     /// For a ridge of this width at half of its height, samples.
@@ -129,38 +111,14 @@ impl EdgeModel {
         }
         self.deviation = deviation;
         for (steps, blur) in self.steps.iter_mut().zip(BLURS) {
-            for (index, step) in steps.iter_mut().enumerate() {
-                let edge = index as f32 / 2.0 - FARTHEST_STEP as f32;
-                for (row, value) in step.iter_mut().enumerate() {
-                    let distance = (row as f32 - EXPLAINED_ROWS as f32 - edge) / (blur * deviation);
-                    // The logistic curve differs from the normal integral by less than 0.01.
-                    *value = 1.0 / (1.0 + (-1.702 * distance).exp());
-                }
-            }
+            steps.fill(blur * deviation);
         }
     }
 
     /// Explains the samples of a column, the ridge `offset` rows below the middle.
     #[must_use]
     pub fn explain(&self, samples: &[f32; ROWS], offset: f32) -> Explanation {
-        let ridge = self.ridge(offset);
-        let mut best = Explanation { without: f32::INFINITY, with: f32::INFINITY, ..Explanation::default() };
-        let mut nearest = 0;
-        for (index, step) in self.steps.iter().flat_map(|steps| steps.iter().enumerate()) {
-            let error = Fit::of(samples, &[step]).error;
-            if error < best.without {
-                (best.without, nearest) = (error, index);
-            }
-        }
-        // A ridge pulls the best step towards itself, not farther than its own width.
-        let near = nearest.saturating_sub(STEPS_ASIDE)..(nearest + STEPS_ASIDE + 1).min(STEPS);
-        for (blur, steps) in self.steps.iter().enumerate() {
-            for index in near.clone() {
-                best.offer(samples, &ridge, &steps[index], [blur, index]);
-            }
-        }
-        best.with = best.with.min(best.without);
-        best
+        simd::run(Explain { steps: &self.steps, samples, ridge: &self.ridge(offset) })
     }
 
     /// Does a ridge farther than `tolerance` from `offset` explain the column clearly worse?
@@ -174,14 +132,12 @@ impl EdgeModel {
     ) -> bool {
         let [blur, nearest] = explanation.at;
         let near = nearest.saturating_sub(ELSEWHERE_ASIDE)..(nearest + ELSEWHERE_ASIDE + 1).min(STEPS);
-        let steps = &self.steps[blur][near];
         (0..ELSEWHERE_ROWS).flat_map(|distance| [-1.0, 1.0].map(|sign| (distance, sign))).all(
             |(distance, sign)| {
-                let ridge = self.ridge(offset + sign * (tolerance + distance as f32));
-                steps.iter().step_by(2).all(|step| {
-                    let fit = Fit::of(samples, &[step, &ridge]);
-                    fit.factors[1] <= 0.0 || fit.error >= ELSEWHERE_SHARE * explanation.with
-                })
+                let ridge = &self.ridge(offset + sign * (tolerance + distance as f32));
+                let near = near.clone();
+                let least = simd::run(Elsewhere { steps: &self.steps[blur], samples, ridge, near });
+                least >= ELSEWHERE_SHARE * explanation.with
             },
         )
     }
@@ -197,57 +153,6 @@ impl EdgeModel {
 impl Default for EdgeModel {
     fn default() -> Self {
         Self::new()
-    }
-}
-
-/// A least-squares fit of a constant and up to three shapes.
-#[derive(Debug, Clone, Copy)]
-struct Fit {
-    factors: [f32; 3],
-    error: f32,
-}
-
-impl Fit {
-    fn of<const COUNT: usize>(samples: &[f32; ROWS], shapes: &[&[f32; ROWS]; COUNT]) -> Self {
-        let rows = ROWS as f32;
-        let mean = |values: &[f32; ROWS]| values.iter().sum::<f32>() / rows;
-        let covariance = |one: &[f32; ROWS], other: &[f32; ROWS], means: [f32; 2]| {
-            one.iter().zip(other).map(|(one, other)| one * other).sum::<f32>() - rows * means[0] * means[1]
-        };
-        let level = mean(samples);
-        let means: [f32; COUNT] = std::array::from_fn(|index| mean(shapes[index]));
-        let mut matrix = [[0.0_f32; 4]; 3];
-        for index in 0..COUNT {
-            for other in 0..COUNT {
-                matrix[index][other] = covariance(shapes[index], shapes[other], [means[index], means[other]]);
-            }
-            // A shape that is nearly none (the ridge's part behind a far edge) must not explode.
-            matrix[index][index] += 1e-3;
-            matrix[index][3] = covariance(shapes[index], samples, [means[index], level]);
-        }
-        let right = matrix.map(|row| row[3]);
-        let mut factors = [0.0; 3];
-        solve::<COUNT>(&mut matrix, &mut factors);
-        let explained: f32 = factors.iter().zip(right).map(|(factor, right)| factor * right).sum();
-        let total = covariance(samples, samples, [level, level]);
-        Self { factors, error: (total - explained).max(0.0) }
-    }
-}
-
-/// Solves a small positive definite system by elimination; the right-hand side is the fourth column.
-fn solve<const COUNT: usize>(matrix: &mut [[f32; 4]; 3], factors: &mut [f32; 3]) {
-    for pivot in 0..COUNT {
-        for row in pivot + 1..COUNT {
-            let factor = matrix[row][pivot] / matrix[pivot][pivot];
-            let above = matrix[pivot];
-            for (value, above) in matrix[row].iter_mut().zip(above) {
-                *value -= factor * above;
-            }
-        }
-    }
-    for row in (0..COUNT).rev() {
-        let known: f32 = (row + 1..COUNT).map(|other| matrix[row][other] * factors[other]).sum();
-        factors[row] = (matrix[row][3] - known) / matrix[row][row];
     }
 }
 

@@ -7,7 +7,7 @@ use nearfield_shared::rig::{ImageSize, Rig};
 use nearfield_shared::units::SignalQuality;
 
 use super::floor::{FloorFinder, SURE_CONTRAST};
-use super::grid::{Grid, PictureGeometry, picture_geometry};
+use super::grid::{Grid, LASER_SHEET_MM, PictureGeometry, picture_geometry};
 use super::raised::RaisedFinder;
 use super::signal::{Brightness, RedChroma, RedMinusGreen, RowSearch};
 use crate::capture::FrameView;
@@ -38,9 +38,9 @@ struct Workshop {
 }
 
 impl Workshop {
-    fn new(geometry: &PictureGeometry, rig: &Rig, step: usize) -> Self {
-        let grid = Grid::new(geometry, rig, step);
-        Self { floor: FloorFinder::new(&grid), raised: RaisedFinder::new(&grid), grid }
+    fn new(geometry: &PictureGeometry, rig: &Rig, sheet_mm: f64, step: usize) -> Self {
+        let grid = Grid::new(geometry, rig, sheet_mm, step);
+        Self { floor: FloorFinder::new(&grid), raised: RaisedFinder::new(&grid, geometry), grid }
     }
 }
 
@@ -70,8 +70,18 @@ impl Extractor {
     /// # Errors
     /// [`GeometryError`] if the rig's picture does not resolve the stripe.
     pub fn new(rig: &Rig) -> Result<Self, GeometryError> {
+        Self::with_sheet(rig, LASER_SHEET_MM)
+    }
+
+    /// Prepares for a rig whose light is not a laser's: a red LED behind a slit gives a wide, dim band. `sheet_mm` is the
+    /// thickness of its sheet at half of its brightness, millimetres.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with_sheet(rig: &Rig, sheet_mm: f64) -> Result<Self, GeometryError> {
         let geometry = picture_geometry(rig)?;
-        let (pixels, chroma) = (Workshop::new(&geometry, rig, 1), Workshop::new(&geometry, rig, 2));
+        let (pixels, chroma) =
+            (Workshop::new(&geometry, rig, sheet_mm, 1), Workshop::new(&geometry, rig, sheet_mm, 2));
         let width = usize::from(rig.image().width);
         let readings = vec![ColumnReading::MISSING; width];
         Ok(Self {

@@ -41,16 +41,17 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Computes the grid; once per rig and sample size.
+    /// Computes the grid; once per rig, sheet of light (its thickness at half of its brightness, millimetres) and sample
+    /// size.
     #[must_use]
-    pub fn new(geometry: &PictureGeometry, rig: &Rig, step: usize) -> Self {
+    pub fn new(geometry: &PictureGeometry, rig: &Rig, sheet_mm: f64, step: usize) -> Self {
         let watched = geometry.watched();
         let rows = usize::from(rig.image().height) / step;
         let (first, end) = (watched.start.div_ceil(step), watched.end / step);
         let columns: Vec<GridColumn> = (first..end.max(first))
             .filter_map(|column| {
                 let maps = [geometry.map(column * step)?, geometry.map(column * step + step - 1)?];
-                let width = stripe_width(rig, f64::from(maps[0].floor_place), step);
+                let width = stripe_width(rig, sheet_mm, f64::from(maps[0].floor_place), step);
                 Some(GridColumn::new(maps, width, step, rows))
             })
             .collect();
@@ -133,12 +134,12 @@ impl GridColumn {
 }
 
 /// Thickness of the laser's sheet at half of its brightness, millimetres: line lasers of a few milliwatts in focus.
-const SHEET_MM: f64 = 1.0;
+pub const LASER_SHEET_MM: f64 = 1.0;
 /// What lens, sensor and processor add, pixels.
 const BLUR_PIXELS: f64 = 2.5;
 
 /// Rows of samples that the stripe takes at the floor's place `s`, at half of its height.
-fn stripe_width(rig: &Rig, s: f64, step: usize) -> f32 {
+fn stripe_width(rig: &Rig, sheet_mm: f64, s: f64, step: usize) -> f32 {
     let (stripe, sheet) = (rig.stripe(), rig.laser().normal);
     let along = stripe.direction;
     let across = Vector::new(-along.y, along.x, 0.0);
@@ -152,7 +153,7 @@ fn stripe_width(rig: &Rig, s: f64, step: usize) -> f32 {
         }
         _ => 0.0,
     };
-    let on_floor = SHEET_MM / sheet.dot(across).abs().max(0.05);
+    let on_floor = sheet_mm / sheet.dot(across).abs().max(0.05);
     let pixels = (on_floor * rows_per_mm).hypot(BLUR_PIXELS);
     (pixels / step as f64) as f32
 }

@@ -5,6 +5,7 @@ use super::grid::{Grid, GridColumn};
 use super::peak::{self, Peak};
 use super::ridge::{Block, Kernel, MOST_REACH, MOST_ROWS_ASIDE, Ridge};
 use super::signal::RowSearch;
+use crate::simd;
 
 /// Columns that are measured at a time.
 const LANES: usize = 64;
@@ -145,18 +146,39 @@ fn gather<S: RowSearch, const LANES: usize>(
     count: usize,
     rows: usize,
 ) {
-    let last = signal.rows().saturating_sub(1) as isize;
-    let places = &grid.columns()[first..first + count];
-    let same_row = |one: &GridColumn, other: &GridColumn| one.floor_row.round() == other.floor_row.round();
-    let mut lane = 0;
-    for run in places.chunk_by(same_row) {
-        let middle = run[0].floor_row.round() as isize;
+    simd::run(Gather { block, signal, grid, first, count, rows });
+}
+
+/// [`gather`] as vector instructions.
+struct Gather<'a, S, const LANES: usize> {
+    block: &'a mut Block<LANES>,
+    signal: S,
+    grid: &'a Grid,
+    first: usize,
+    count: usize,
+    rows: usize,
+}
+
+impl<S: RowSearch, const LANES: usize> simd::Kernel for Gather<'_, S, LANES> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { block, signal, grid, first, count, rows } = self;
+        let last = signal.rows().saturating_sub(1) as isize;
         let rows = rows.min(MOST_ROWS_ASIDE) as isize;
-        for row in -rows..=rows {
-            let values = &mut block.row_mut(row)[lane..lane + run.len()];
-            signal.copy((middle + row).clamp(0, last) as usize, grid.first() + first + lane, values);
+        let places = &grid.columns()[first..first + count];
+        let same_row =
+            |one: &GridColumn, other: &GridColumn| one.floor_row.round() == other.floor_row.round();
+        let mut lane = 0;
+        for run in places.chunk_by(same_row) {
+            let middle = run[0].floor_row.round() as isize;
+            for row in -rows..=rows {
+                let values = &mut block.row_mut(row)[lane..lane + run.len()];
+                signal.copy((middle + row).clamp(0, last) as usize, grid.first() + first + lane, values);
+            }
+            lane += run.len();
         }
-        lane += run.len();
     }
 }
 

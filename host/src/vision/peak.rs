@@ -4,6 +4,10 @@
 //! the higher of the two sides is the one that the stripe must stand out from: neither the edge of a red line nor a
 //! red floor is a stripe, but a stripe on either is.
 
+mod column;
+
+pub use column::Column;
+
 use super::signal::Signal;
 
 /// Speckle makes a ridge uneven, and a clipped core makes it hollow; a rise by more than this share of its height belongs to the next one.
@@ -93,12 +97,27 @@ pub struct Peak {
     pub width: f32,
 }
 
+/// Running sums, made for a window or borrowed from a whole column's.
+#[derive(Debug, Clone)]
+enum Sums<'a> {
+    Own([i32; LONGEST_WINDOW]),
+    OfColumn(&'a [i32]),
+}
+
 /// Running means over the kernel's length, times that length; and the samples that they come from.
 #[derive(Debug, Clone)]
 pub struct Ridge<'a> {
     samples: &'a [i16],
-    sums: [i32; LONGEST_WINDOW],
+    sums: Sums<'a>,
     kernel: Kernel,
+}
+
+/// A crest with the backgrounds on both sides, as running sums.
+#[derive(Debug, Clone, Copy)]
+struct Crest {
+    at: usize,
+    above: i32,
+    below: i32,
 }
 
 impl<'a> Ridge<'a> {
@@ -117,7 +136,15 @@ impl<'a> Ridge<'a> {
                 sums[index - kernel.half] = sum;
             }
         }
-        Self { samples, sums, kernel }
+        Self { samples, sums: Sums::Own(sums), kernel }
+    }
+
+    #[inline]
+    fn sums(&self) -> &[i32] {
+        match &self.sums {
+            Sums::Own(sums) => sums,
+            Sums::OfColumn(sums) => sums,
+        }
     }
 
     /// Window positions at which the running sum is complete.
@@ -129,27 +156,35 @@ impl<'a> Ridge<'a> {
     /// nothing stands out, or the window leaves no room for a background on both sides.
     #[must_use]
     pub fn peak(&self, search: std::ops::Range<usize>) -> Option<Peak> {
+        let Crest { at, above, below } = self.crest(search)?;
+        let (background, contrast) = (above.max(below), self.over(at, above.max(below)));
+        (contrast > 0.0).then(|| {
+            let (row, width) = self.measure(at, background as f32 / self.kernel.length() as f32, contrast);
+            Peak { row, contrast, rise: self.over(at, above.min(below)), width }
+        })
+    }
+
+    /// Mean height of the running sum at a crest over a background.
+    fn over(&self, crest: usize, background: i32) -> f32 {
+        (self.sums()[crest] - background) as f32 / self.kernel.length() as f32
+    }
+
+    fn crest(&self, search: std::ops::Range<usize>) -> Option<Crest> {
+        let sums = self.sums();
         let inner = self.inner();
         let search = search.start.max(inner.start)..search.end.min(inner.end);
         let mut crest = self.highest_crest(search.clone(), &inner).or_else(|| self.highest(search))?;
-        while crest > inner.start && self.sums[crest - 1] > self.sums[crest] {
+        while crest > inner.start && sums[crest - 1] > sums[crest] {
             crest -= 1;
         }
-        while crest + 1 < inner.end && self.sums[crest + 1] > self.sums[crest] {
+        while crest + 1 < inner.end && sums[crest + 1] > sums[crest] {
             crest += 1;
         }
         let Kernel { near, far, .. } = self.kernel;
         let above = crest.saturating_sub(far).max(inner.start)..crest.saturating_sub(near);
         let below = crest + near + 1..(crest + far + 1).min(inner.end);
-        let lowest = |range: std::ops::Range<usize>| self.sums.get(range)?.iter().min().copied();
-        let (above, below) = (lowest(above)?, lowest(below)?);
-        let length = self.kernel.length() as f32;
-        let over = |background: i32| (self.sums[crest] - background) as f32 / length;
-        let (background, contrast, rise) = (above.max(below), over(above.max(below)), over(above.min(below)));
-        (contrast > 0.0).then(|| {
-            let (row, width) = self.measure(crest, background as f32 / length, contrast);
-            Peak { row, contrast, rise, width }
-        })
+        let lowest = |range: std::ops::Range<usize>| sums.get(range)?.iter().min().copied();
+        Some(Crest { at: crest, above: lowest(above)?, below: lowest(below)? })
     }
 
     /// The highest local maximum in `search`; of equal ones the last.
@@ -157,7 +192,7 @@ impl<'a> Ridge<'a> {
     fn highest_crest(&self, search: std::ops::Range<usize>, inner: &std::ops::Range<usize>) -> Option<usize> {
         let interior = search.start.max(inner.start + 1)..search.end.min(inner.end.saturating_sub(1));
         let first = interior.start;
-        let around = self.sums.get(first.checked_sub(1)?..interior.end + 1)?;
+        let around = self.sums().get(first.checked_sub(1)?..interior.end + 1)?;
         let mut best: Option<(i32, usize)> = None;
         for (offset, sums) in around.windows(3).enumerate() {
             let [before, here, after] = [sums[0], sums[1], sums[2]];
@@ -171,7 +206,7 @@ impl<'a> Ridge<'a> {
     /// The highest position in `search`; of equal ones the last.
     fn highest(&self, search: std::ops::Range<usize>) -> Option<usize> {
         let first = search.start;
-        let sums = self.sums.get(search)?;
+        let sums = self.sums().get(search)?;
         let highest = sums.iter().enumerate().max_by_key(|(_, sum)| **sum)?;
         Some(first + highest.0)
     }
@@ -245,6 +280,12 @@ pub fn find_above<S: Signal>(
     improve(signal, column, centre, reach, false, usual)
 }
 
+/// Rows up to `reach` from `centre`, as far as picture and window go.
+fn window(centre: usize, reach: usize, rows: usize) -> std::ops::Range<usize> {
+    let first = centre.saturating_sub(reach.min(LONGEST_WINDOW / 2));
+    first..(centre + reach + 1).min(rows).min(first + LONGEST_WINDOW).max(first)
+}
+
 fn improve<S: Signal>(
     signal: S,
     column: usize,
@@ -298,11 +339,11 @@ fn gather<S: Signal>(
     reach: usize,
     window: &mut [i16; LONGEST_WINDOW],
 ) -> (&[i16], usize) {
-    let first = centre.saturating_sub(reach.min(LONGEST_WINDOW / 2));
-    let end = (centre + reach + 1).min(signal.rows()).min(first + LONGEST_WINDOW).max(first);
-    let samples = &mut window[..end - first];
+    let rows = self::window(centre, reach, signal.rows());
+    let first = rows.start;
+    let samples = &mut window[..rows.len()];
     let mut strongest = 0;
-    for (sample, row) in samples.iter_mut().zip(first..end) {
+    for (sample, row) in samples.iter_mut().zip(rows) {
         *sample = signal.value(column, row);
         strongest = strongest.max(*sample);
     }

@@ -9,11 +9,14 @@ use super::floor::{FloorColumn, FloorFinder, is_fringe};
 use super::grid::{Grid, PictureGeometry};
 use super::peak::{self, Kernel, Peak};
 use super::signal::{RowSearch, SEGMENT_BITS, SEGMENT_ROWS, Signal};
+use crate::simd;
 
 /// Length of the stretches in which rays are counted, millimetres.
 const RAY_BIN_MM: f32 = 0.5;
 /// Dark stretches are widened by this on both sides: the ray's place is known to about this, millimetres.
 const RAY_MARGIN_MM: f32 = 1.5;
+/// What a column can see is rounded by less than this, millimetres.
+const SIGHT_MARGIN_MM: f32 = 1.0;
 /// Fewest columns of a line.
 const FEWEST_COLUMNS: u32 = 3;
 /// Contrast that a candidate needs, in standard deviations of the background.
@@ -79,23 +82,31 @@ struct Line {
 pub struct RaisedFinder {
     keys: Vec<u16>,
     rays: Rays,
+    /// Places of the rays that each column can see end, millimetres.
+    sights: Vec<[f32; 2]>,
+    /// Runs of columns that can see a dark ray end.
+    watching: Vec<std::ops::Range<usize>>,
     points: Vec<RaisedPoint>,
     lines: Vec<Line>,
     order: Vec<u32>,
     open: Vec<u32>,
+    column: peak::Column,
 }
 
 impl RaisedFinder {
     /// Room for a grid.
     #[must_use]
-    pub fn new(grid: &Grid) -> Self {
+    pub fn new(grid: &Grid, geometry: &PictureGeometry) -> Self {
         Self {
             keys: vec![0; grid.columns().len() * grid.segments().len()],
             rays: Rays::new(grid),
+            sights: (0..grid.columns().len()).map(|index| sight(grid, geometry, index)).collect(),
+            watching: Vec::with_capacity(grid.columns().len()),
             points: Vec::with_capacity(MOST_CANDIDATES),
             lines: Vec::with_capacity(MOST_CANDIDATES),
             order: Vec::with_capacity(MOST_CANDIDATES),
             open: Vec::with_capacity(OPEN_LINES),
+            column: peak::Column::new(grid.segments().len() * SEGMENT_ROWS),
         }
     }
 
@@ -118,24 +129,30 @@ impl RaisedFinder {
         if !self.rays.set(floor.columns()) {
             return;
         }
+        self.find_watching();
         self.collect_seeds(signal, grid);
         self.follow_lines(signal, grid, geometry, floor);
         self.choose();
     }
 
-    /// The strongest sample of each column in each segment of rows.
-    fn collect_seeds<S: RowSearch>(&mut self, signal: S, grid: &Grid) {
-        let width = grid.columns().len();
-        self.keys.fill(0);
-        for (segment, (range, keys)) in
-            grid.segments().iter().zip(self.keys.chunks_exact_mut(width.max(1))).enumerate()
-        {
-            let first_row = segment * SEGMENT_ROWS;
-            for row in first_row..(first_row + SEGMENT_ROWS).min(signal.rows()) {
-                let tag = (row - first_row) as u16;
-                signal.raise(row, grid.first() + range.start, tag, &mut keys[range.clone()]);
+    /// Which columns can see a dark ray end? Only they are searched.
+    fn find_watching(&mut self) {
+        self.watching.clear();
+        for (index, sight) in self.sights.iter().enumerate() {
+            if !self.rays.any_dark(*sight) {
+                continue;
+            }
+            match self.watching.last_mut() {
+                Some(run) if run.end == index => run.end = index + 1,
+                _ => self.watching.push(index..index + 1),
             }
         }
+    }
+
+    /// The strongest sample of each watching column in each segment of rows.
+    fn collect_seeds<S: RowSearch>(&mut self, signal: S, grid: &Grid) {
+        self.keys.fill(0);
+        simd::run(Collect { signal, grid, watching: &self.watching, keys: &mut self.keys });
     }
 
     /// Row of the strongest sample of a segment, if it stands out from one of the neighbouring segments at least and
@@ -166,8 +183,14 @@ impl RaisedFinder {
             self.open.retain(|line| lines[*line as usize].last_column + LINE_HOLES + 1 >= index);
             let image_column = grid.image_column(index);
             let Some(map) = geometry.map(image_column) else { continue };
+            if !self.rays.any_dark(self.sights[index]) {
+                continue;
+            }
             let segments = usize::from(place.first_row) / SEGMENT_ROWS
                 ..usize::from(place.end_row).div_ceil(SEGMENT_ROWS);
+            let rows = segments.start * SEGMENT_ROWS..segments.end * SEGMENT_ROWS;
+            let column = grid.first() + index;
+            self.column.fill(signal, column, rows);
             let mut last_row = f32::NEG_INFINITY;
             for segment in segments {
                 let Some(row) = self.seed(segment, index, width) else { continue };
@@ -175,7 +198,8 @@ impl RaisedFinder {
                     continue;
                 }
                 let least = CANDIDATE_CONTRAST * floor.noise;
-                let Some(peak) = measure(signal, grid.first() + index, row, widest, least) else { continue };
+                let found = self.column.find_above(signal, column, row, 1, least);
+                let Some(peak) = believed(signal, column, found, widest) else { continue };
                 let (peak_row, contrast) = (peak.row, peak.contrast);
                 let significance = contrast / floor.noise;
                 // Neighbouring segments can lead to the same crest.
@@ -272,16 +296,65 @@ impl RaisedFinder {
     }
 }
 
+/// The search of [`RaisedFinder::collect_seeds`] as vector instructions.
+struct Collect<'a, S> {
+    signal: S,
+    grid: &'a Grid,
+    watching: &'a [std::ops::Range<usize>],
+    keys: &'a mut [u16],
+}
+
+impl<S: RowSearch> simd::Kernel for Collect<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { signal, grid, watching, keys } = self;
+        let width = grid.columns().len().max(1);
+        for (segment, (range, keys)) in grid.segments().iter().zip(keys.chunks_exact_mut(width)).enumerate() {
+            let first_row = segment * SEGMENT_ROWS;
+            for row in first_row..(first_row + SEGMENT_ROWS).min(signal.rows()) {
+                let tag = (row - first_row) as u16;
+                for run in watching {
+                    let (start, end) = (run.start.max(range.start), run.end.min(range.end));
+                    if start < end {
+                        signal.raise(row, grid.first() + start, tag, &mut keys[start..end]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Places of the rays that a column can see end, from the lowest to the highest, millimetres.
+fn sight(grid: &Grid, geometry: &PictureGeometry, index: usize) -> [f32; 2] {
+    const EVERYWHERE: [f32; 2] = [f32::NEG_INFINITY, f32::INFINITY];
+    let Some((place, map)) = grid.columns().get(index).zip(geometry.map(grid.image_column(index))) else {
+        return EVERYWHERE;
+    };
+    let first = usize::from(place.first_row) / SEGMENT_ROWS * SEGMENT_ROWS;
+    let last = usize::from(place.end_row).next_multiple_of(SEGMENT_ROWS);
+    let at = |row: usize| geometry.ray_place(map, grid.to_pixels(row as f32));
+    let (one, middle, other) = (at(first), at(first.midpoint(last)), at(last));
+    let (low, high) = (one.min(other), one.max(other));
+    // The place is a ratio of two linear functions of the row: it only rises or only falls, or passes through infinity,
+    // and then the middle is not between.
+    let [low, high] = [low - SIGHT_MARGIN_MM, high + SIGHT_MARGIN_MM];
+    if one.is_nan() || other.is_nan() || !(low..=high).contains(&middle) {
+        return EVERYWHERE;
+    }
+    [low, high]
+}
+
 impl Line {
     fn is_believable(&self) -> bool {
         self.columns >= FEWEST_COLUMNS && self.significance >= LINE_CONTRAST * self.columns as f32
     }
 }
 
-/// The ridge near a seed, at least so high, if light of the laser can have made it.
-fn measure<S: Signal>(signal: S, column: usize, seed: usize, widest: f32, least: f32) -> Option<Peak> {
-    let peak = peak::find_above(signal, column, seed, 1, least)?;
-    (is_light(signal, column, &peak, widest) && !is_fringe(signal, column, &peak)).then_some(peak)
+/// A ridge, if light of the laser can have made it.
+fn believed<S: Signal>(signal: S, column: usize, peak: Option<Peak>, widest: f32) -> Option<Peak> {
+    peak.filter(|peak| is_light(signal, column, peak, widest) && !is_fringe(signal, column, peak))
 }
 
 /// Is it as narrow as a stripe, and brighter in the laser's colour than both sides together? A stripe at the end of the
@@ -311,6 +384,8 @@ fn is_light<S: Signal>(signal: S, column: usize, peak: &Peak, widest: f32) -> bo
 struct Rays {
     start: f32,
     bins: Vec<Ray>,
+    /// How many bins before each are dark.
+    dark_before: Vec<u32>,
     /// Place of each grid column's floor point, millimetres.
     places: Vec<f32>,
 }
@@ -332,7 +407,7 @@ impl Rays {
             (low.min(*place), high.max(*place))
         });
         let count = if low <= high { ((high - low) / RAY_BIN_MM) as usize + 1 } else { 0 };
-        Self { start: low, bins: vec![Ray::Lit; count], places }
+        Self { start: low, bins: vec![Ray::Lit; count], dark_before: vec![0; count + 1], places }
     }
 
     /// Marks the dark stretches; true if there is one. A single dark column is not.
@@ -346,7 +421,21 @@ impl Rays {
                 self.mark(one.min(other) - RAY_MARGIN_MM, one.max(other) + RAY_MARGIN_MM, Ray::Dark);
             }
         }
+        let mut dark = 0;
+        for (before, ray) in self.dark_before.iter_mut().skip(1).zip(&self.bins) {
+            dark += u32::from(*ray == Ray::Dark);
+            *before = dark;
+        }
         any
+    }
+
+    /// Was any ray between two places dark when [`Self::set`] looked?
+    fn any_dark(&self, [low, high]: [f32; 2]) -> bool {
+        // `as` saturates: what lies before the stripe begins with its first bin.
+        let bin = |place: f32| ((place - self.start) / RAY_BIN_MM).floor() as usize;
+        let end = bin(high).saturating_add(1).min(self.bins.len());
+        let first = bin(low).min(end);
+        self.dark_before[end] > self.dark_before[first]
     }
 
     fn mark(&mut self, low: f32, high: f32, as_what: Ray) {
@@ -409,7 +498,8 @@ mod tests {
     }
 
     fn is_believed(bytes: &[u8]) -> bool {
-        measure(RedMinusGreen(Plane::new(bytes, 3, 3, 80).unwrap()), 0, 40, 14.0, 4.0).is_some()
+        let signal = RedMinusGreen(Plane::new(bytes, 3, 3, 80).unwrap());
+        believed(signal, 0, peak::find_above(signal, 0, 40, 1, 4.0), 14.0).is_some()
     }
 
     #[test]

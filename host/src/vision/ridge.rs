@@ -8,6 +8,8 @@
 //! Every loop here runs over columns inside and rows outside, without branches, so that the compiler works on as many
 //! columns at a time as the processor's registers hold.
 
+use crate::simd;
+
 /// Farthest row from the middle that a block holds.
 pub const MOST_ROWS_ASIDE: usize = 64;
 /// Farthest row from the middle at which a crest can be looked for.
@@ -148,6 +150,27 @@ impl<const LANES: usize> Default for Block<LANES> {
     }
 }
 
+/// The search as vector instructions.
+struct Search<'a, const LANES: usize> {
+    block: &'a mut Block<LANES>,
+    kernel: Kernel,
+    reach: usize,
+}
+
+impl<const LANES: usize> simd::Kernel for Search<'_, LANES> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { block, kernel, reach } = self;
+        block.sum_up(kernel, reach);
+        block.find_backgrounds(kernel, reach);
+        block.choose_crests(reach);
+        block.weigh(kernel, reach);
+        block.find_hollows(kernel);
+    }
+}
+
 impl<const LANES: usize> Block<LANES> {
     /// The samples of a row, counted from the middle.
     pub fn row(&self, row: isize) -> &[i16; LANES] {
@@ -162,15 +185,11 @@ impl<const LANES: usize> Block<LANES> {
     /// Looks for the best crest of every column within `reach` rows of the middle; [`Self::ridge`] tells it. All rows
     /// up to [`Kernel::rows_aside`] must be filled in.
     pub fn search(&mut self, kernel: Kernel, reach: usize) {
-        let reach = reach.min(MOST_REACH);
-        self.sum_up(kernel, reach);
-        self.find_backgrounds(kernel, reach);
-        self.choose_crests(reach);
-        self.weigh(kernel, reach);
-        self.find_hollows(kernel);
+        simd::run(Search { block: self, kernel, reach: reach.min(MOST_REACH) });
     }
 
     /// Running sums over the kernel's length.
+    #[inline(always)]
     fn sum_up(&mut self, kernel: Kernel, reach: usize) {
         let (half, end) = (kernel.half as isize, (kernel.far + reach) as isize);
         let mut sum = [0_i16; LANES];
@@ -187,6 +206,7 @@ impl<const LANES: usize> Block<LANES> {
     }
 
     /// The lowest sums beyond [`Kernel::near`] on both sides of every row in question.
+    #[inline(always)]
     fn find_backgrounds(&mut self, kernel: Kernel, reach: usize) {
         let (near, far, reach) = (kernel.near as isize, kernel.far as isize, reach as isize);
         for (lowest, sign) in [(&mut self.above, -1), (&mut self.below, 1)] {
@@ -203,6 +223,7 @@ impl<const LANES: usize> Block<LANES> {
         }
     }
 
+    #[inline(always)]
     fn choose_crests(&mut self, reach: usize) {
         let reach = reach as isize;
         let best = &mut self.best;
@@ -226,6 +247,7 @@ impl<const LANES: usize> Block<LANES> {
 
     /// Centre of gravity of what rises above a quarter of the height, and the width at half of it. The centre is not
     /// moved by clipped cores, and little by what lies beside the stripe.
+    #[inline(always)]
     fn weigh(&mut self, kernel: Kernel, reach: usize) {
         let beside = kernel.near as i16 - 1;
         let end = reach as i16 + beside;
@@ -250,6 +272,7 @@ impl<const LANES: usize> Block<LANES> {
     }
 
     /// How far the core lies below what is reached above and below it.
+    #[inline(always)]
     fn find_hollows(&mut self, kernel: Kernel) {
         let end = kernel.near as isize;
         let hollow = &mut self.best.hollow;
@@ -329,18 +352,21 @@ impl<const LANES: usize> Block<LANES> {
     }
 }
 
+#[inline(always)]
 fn add<const LANES: usize>(sum: &mut [i16; LANES], samples: &[i16; LANES]) {
     for (sum, sample) in sum.iter_mut().zip(samples) {
         *sum += sample;
     }
 }
 
+#[inline(always)]
 fn lower<const LANES: usize>(least: &mut [i16; LANES], samples: &[i16; LANES]) {
     for (least, sample) in least.iter_mut().zip(samples) {
         *least = (*least).min(*sample);
     }
 }
 
+#[inline(always)]
 fn raise<const LANES: usize>(most: &mut [i16; LANES], samples: &[i16; LANES]) {
     for (most, sample) in most.iter_mut().zip(samples) {
         *most = (*most).max(*sample);

@@ -86,6 +86,7 @@ impl<S: Signal> Signal for Transposed<S> {
 /// From here on a channel counts as clipped: noise reduction and JPEG move 255 by a few steps.
 const CLIPPED: i16 = 248;
 
+#[inline(always)]
 fn raise_key(key: &mut u16, strength: u8, tag: u16) {
     *key = (*key).max(u16::from(strength) << SEGMENT_BITS | tag);
 }
@@ -128,6 +129,7 @@ impl Signal for RedMinusGreen<'_> {
 }
 
 impl RowSearch for RedMinusGreen<'_> {
+    #[inline(always)]
     fn raise(&self, row: usize, first: usize, tag: u16, keys: &mut [u16]) {
         let pixels = self.0.row(row).get(3 * first..).unwrap_or(&[]);
         for (pixel, key) in pixels.chunks_exact(3).zip(keys) {
@@ -137,6 +139,7 @@ impl RowSearch for RedMinusGreen<'_> {
         }
     }
 
+    #[inline(always)]
     fn copy(&self, row: usize, first: usize, values: &mut [i16]) {
         let pixels = self.0.row(row).get(3 * first..).unwrap_or(&[]);
         for (pixel, value) in pixels.chunks_exact(3).zip(values) {
@@ -180,12 +183,14 @@ impl Signal for Brightness<'_> {
 }
 
 impl RowSearch for Brightness<'_> {
+    #[inline(always)]
     fn raise(&self, row: usize, first: usize, tag: u16, keys: &mut [u16]) {
         for (strength, key) in self.0.row(row).get(first..).unwrap_or(&[]).iter().zip(keys) {
             raise_key(key, *strength, tag);
         }
     }
 
+    #[inline(always)]
     fn copy(&self, row: usize, first: usize, values: &mut [i16]) {
         for (strength, value) in self.0.row(row).get(first..).unwrap_or(&[]).iter().zip(values) {
             *value = i16::from(*strength);
@@ -242,6 +247,7 @@ impl<const PITCH: usize, const OFFSET: usize> Signal for RedChroma<'_, PITCH, OF
 }
 
 impl<const PITCH: usize, const OFFSET: usize> RowSearch for RedChroma<'_, PITCH, OFFSET> {
+    #[inline(always)]
     fn raise(&self, row: usize, first: usize, tag: u16, keys: &mut [u16]) {
         let samples = self.red.row(row).get(PITCH * first..).unwrap_or(&[]);
         for (sample, key) in samples.chunks_exact(PITCH).zip(keys) {
@@ -249,6 +255,7 @@ impl<const PITCH: usize, const OFFSET: usize> RowSearch for RedChroma<'_, PITCH,
         }
     }
 
+    #[inline(always)]
     fn copy(&self, row: usize, first: usize, values: &mut [i16]) {
         let samples = self.red.row(row).get(PITCH * first..).unwrap_or(&[]);
         for (sample, value) in samples.chunks_exact(PITCH).zip(values) {

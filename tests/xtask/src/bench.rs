@@ -1,65 +1,49 @@
-//! `cargo xtask bench`: one table of what a frame costs, against the sum of the bytes that it reads.
+//! `cargo xtask bench`: one table of what a frame costs, against the sum of the bytes that it reads and against the
+//! source paper's pipeline in OpenCV.
 
-use anyhow::{Context as _, Result};
-use serde::Deserialize;
-use std::path::Path;
+use anyhow::Result;
+use std::path::{Path, PathBuf};
 
-use crate::run::{Step, target_directory};
+use crate::run::{Step, root, target_directory};
 
-/// Criterion's estimates of one measurement, nanoseconds.
-#[derive(Deserialize)]
-struct Estimates {
-    median: Estimate,
-}
+/// The OpenCV that is compared with.
+const OPENCV: &str = "opencv-python-headless==5.0.0.93";
 
-#[derive(Deserialize)]
-struct Estimate {
-    point_estimate: f64,
-}
-
-/// Layouts with the goal for the extraction, in byte-sums of the plane that it reads.
-const LAYOUTS: [(&str, f64); 2] = [("yuv420", 3.0), ("rgb", 2.0)];
-const SCENES: [&str; 3] = ["clean", "crowded", "weak"];
-const STAGES: [&str; 2] = ["extract", "whole-path"];
-/// Goal for extraction, tiers and line-scan together, milliseconds.
-const WHOLE_PATH_GOAL_MS: f64 = 1.0;
-
-/// Measures, then prints the table.
+/// Measures and prints the table; without Python or a way to its packages the row about OpenCV says so.
 ///
 /// # Errors
-/// The benchmark cannot be run, or has not left its figures.
+/// The benchmark cannot be built or run.
 pub fn table() -> Result<()> {
-    Step::cargo(&["bench", "--package", "nearfield-host", "--bench", "frame"]).run()?;
-    let directory = target_directory().join("criterion").join("frame");
-    println!("\none frame of 2304 x 1296, one thread, medians");
-    println!("{:<8} {:<9} {:<12} {:>9} {:>11}   goal", "layout", "scene", "stage", "ms", "byte-sums");
-    for (layout, goal) in LAYOUTS {
-        let floor = median_ms(&directory, &format!("{layout}_byte-sum"))?;
-        println!("{layout:<8} {:<9} {:<12} {floor:>9.3} {:>11.1}", "", "byte-sum", 1.0);
-        for scene in SCENES {
-            for stage in STAGES {
-                let time = median_ms(&directory, &format!("{layout}_{scene}_{stage}"))?;
-                let (met, wanted) = match stage {
-                    "extract" => (time <= goal * floor, format!("<= {goal:.0} byte-sums")),
-                    _ => (time <= WHOLE_PATH_GOAL_MS, format!("<= {WHOLE_PATH_GOAL_MS:.0} ms")),
-                };
-                let verdict = if met { "met" } else { "MISSED" };
-                println!(
-                    "{layout:<8} {scene:<9} {stage:<12} {time:>9.3} {:>11.1}   {wanted}: {verdict}",
-                    time / floor
-                );
-            }
+    let script = path(&root().join("host").join("benches").join("paper_pipeline.py"));
+    let mut arguments = vec!["bench", "--package", "nearfield-host", "--bench", "ratios", "--"];
+    let python = match environment() {
+        Ok(python) => Some(path(&python)),
+        Err(error) => {
+            eprintln!("the paper's pipeline in OpenCV is left out: {error:#}");
+            None
         }
+    };
+    if let Some(python) = &python {
+        arguments.extend([python.as_str(), &script]);
     }
-    Ok(())
+    Step::cargo(&arguments).run()
 }
 
-/// The median that criterion kept for one measurement, milliseconds.
-fn median_ms(directory: &Path, measurement: &str) -> Result<f64> {
-    let path = directory.join(measurement).join("new").join("estimates.json");
-    let text = std::fs::read_to_string(&path)
-        .with_context(|| format!("{}: the benchmark has left no figures", path.display()))?;
-    let estimates: Estimates =
-        serde_json::from_str(&text).with_context(|| format!("{}: not criterion's", path.display()))?;
-    Ok(estimates.median.point_estimate / 1e6)
+/// A Python with OpenCV of its own, made once.
+fn environment() -> Result<PathBuf> {
+    let directory = target_directory().join("bench-venv");
+    let python = directory.join("bin").join("python");
+    let done = directory.join("installed.txt");
+    if std::fs::read_to_string(&done).is_ok_and(|installed| installed == OPENCV) {
+        return Ok(python);
+    }
+    Step::program("python3", &["-m", "venv", &path(&directory)]).run()?;
+    let install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", OPENCV];
+    Step::program(&path(&python), &install).run()?;
+    std::fs::write(&done, OPENCV)?;
+    Ok(python)
+}
+
+fn path(path: &Path) -> String {
+    path.display().to_string()
 }

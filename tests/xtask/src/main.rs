@@ -42,7 +42,7 @@ nearfield's chores. Each sets up what it needs by itself.
   cargo xtask emulate    the tests that run the firmware on an emulated Cortex-M4
   cargo xtask budget     flash, RAM, stack and instructions of the firmware against tests/budget.toml
                          (--write keeps the measured figures plus headroom as the new budget)
-  cargo xtask bench      what a frame of 2304 x 1296 costs the host, against the sum of the bytes that it reads
+  cargo xtask bench      what a frame of 2304 x 1296 costs the host, against the sum of its bytes and the paper's pipeline in OpenCV
   cargo xtask pi         the host's program for the Raspberry Pi (aarch64; cross-compiler through apt where it can)
   cargo xtask pi-test    tests of the parts that run on the Pi, for its processor, under QEMU (further arguments: packages)
   cargo xtask soak       everything of `nearfield run` at 50 pictures a second: quiet, tier 3 stalled, disk full, flooded, with a

@@ -92,25 +92,45 @@ impl Reading {
         true
     }
 
-    /// Fits a ridge of this width, `offset` rows below the middle.
-    fn fit(&self, width: f32, offset: f32) -> Fit {
-        let deviation = width.clamp(1.5, 18.0) / 2.355;
+    /// Fits a ridge of this shape.
+    fn fit(&self, shape: &Bell) -> Fit {
         let rows = &self.rows[..=2 * self.far];
         let count = rows.len() as f32;
-        let [mut sum, mut square, mut bells, mut bells_square, mut product] = [0.0_f32; 5];
-        for (index, value) in rows.iter().enumerate() {
-            let distance = (index as f32 - self.far as f32 - offset) / deviation;
-            let bell = (-0.5 * distance * distance).exp();
+        let [mut sum, mut square, mut product] = [0.0_f32; 3];
+        for (value, bell) in rows.iter().zip(&shape.rows) {
             sum += value;
             square += value * value;
-            bells += bell;
-            bells_square += bell * bell;
             product += bell * value;
         }
-        let covariance = product - bells * sum / count;
-        let height = (covariance / (bells_square - bells * bells / count).max(1e-3)).max(0.0);
+        let covariance = product - shape.sum * sum / count;
+        let height = (covariance / shape.about_mean).max(0.0);
         let rest = square - sum * sum / count - height * covariance;
         Fit { height, rest: rest.max(0.0) / count }
+    }
+}
+
+/// A ridge's shape over a reading's rows: the same for all directions.
+struct Bell {
+    rows: [f32; MOST_ROWS],
+    sum: f32,
+    /// Sum of squares about the mean.
+    about_mean: f32,
+}
+
+impl Bell {
+    /// Of this width at half of its height, `offset` rows below the middle of `far` rows to both sides.
+    fn new(far: usize, width: f32, offset: f32) -> Self {
+        let deviation = width.clamp(1.5, 18.0) / 2.355;
+        let mut rows = [0.0; MOST_ROWS];
+        let (mut sum, mut square) = (0.0_f32, 0.0_f32);
+        let count = 2 * far + 1;
+        for (index, bell) in rows.iter_mut().enumerate().take(count) {
+            let distance = (index as f32 - far as f32 - offset) / deviation;
+            *bell = (-0.5 * distance * distance).exp();
+            sum += *bell;
+            square += *bell * *bell;
+        }
+        Self { rows, sum, about_mean: (square - sum * sum / count as f32).max(1e-3) }
     }
 }
 
@@ -128,11 +148,13 @@ pub fn grounds(strip: &Strip, column: usize, width: f32) -> [f32; 2] {
 pub fn read(strip: &Strip, column: usize, expected: &Expected) -> Option<SlantedRidge> {
     let fraction = expected.offset - expected.offset.round();
     let mut reading = Reading::new(expected);
+    let far = reading.far;
+    let shape = Bell::new(far, expected.width, fraction);
     // The direction in which a stripe at its place explains most; a direction across the edge leaves a rest.
     let mut best: Option<(f32, f32)> = None;
     let mut try_slant = |slant: f32, best: &mut Option<(f32, f32)>| {
         if reading.read(strip, column, slant) {
-            let fit = reading.fit(expected.width, fraction);
+            let fit = reading.fit(&shape);
             if best.is_none_or(|(least, _)| fit.rest < least) {
                 *best = Some((fit.rest, slant));
             }
@@ -150,10 +172,10 @@ pub fn read(strip: &Strip, column: usize, expected: &Expected) -> Option<Slanted
         (slant, step) = (best?.1, step / 2.0);
     }
     reading.read(strip, column, slant).then_some(())?;
-    let (mut offset, mut fit) = (0.0, reading.fit(expected.width, fraction));
+    let (mut offset, mut fit) = (0.0, reading.fit(&shape));
     for number in -STEPS..=STEPS {
         let other = f32::from(number) * STEP_ROWS;
-        let there = reading.fit(expected.width, fraction + other);
+        let there = reading.fit(&Bell::new(far, expected.width, fraction + other));
         if there.rest < fit.rest {
             (offset, fit) = (other, there);
         }
