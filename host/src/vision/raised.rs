@@ -15,8 +15,9 @@ use crate::simd;
 const RAY_BIN_MM: f32 = 0.5;
 /// Dark stretches are widened by this on both sides: the ray's place is known to about this, millimetres.
 const RAY_MARGIN_MM: f32 = 1.5;
-/// What a column can see is rounded by less than this, millimetres.
-const SIGHT_MARGIN_MM: f32 = 1.0;
+/// Columns that see rays end this near to a dark one are searched too, millimetres: a line may go on beside the dark
+/// stretch, and what a column can see is rounded.
+const SIGHT_MARGIN_MM: f32 = 16.0;
 /// Fewest columns of a line.
 const FEWEST_COLUMNS: u32 = 3;
 /// Contrast that a candidate needs, in standard deviations of the background.
