@@ -112,7 +112,8 @@ fn a_led_band_is_whole_on_clean_floors_and_cut_and_lifted_by_what_lies_on_them()
         ("tiles", None),
         ("rod_12", None),
         ("box_45", Some(45.0)),
-        ("box_75_glossy", Some(75.0)),
+        // Of the band on a glossy side too little is left to be measured: an unknown height, which counts as large.
+        ("box_75_glossy", None),
         ("drop", None),
     ] {
         let scene = gallery::scene(name).unwrap();

@@ -98,6 +98,7 @@ pub struct Peak {
 }
 
 /// Running sums, made for a window or borrowed from a whole column's.
+#[allow(clippy::large_enum_variant, reason = "on the stack for one look; a frame allocates nothing")]
 #[derive(Debug, Clone)]
 enum Sums<'a> {
     Own([i32; LONGEST_WINDOW]),
