@@ -85,9 +85,9 @@ fn monochrome_frames_give_the_verdicts_of_finished_pictures() {
         let scene = Scene { light: Light { lux: 25.0, ..scene.light.clone() }, look, ..scene };
         let (expected, rgb) = of_rgb(&view, &mut analyser, &scene);
         let red: Vec<u8> = rgb.chunks_exact(3).map(|pixel| pixel[0]).collect();
-        let eight = [format!("P5\n2304 1296\n255\n").as_bytes(), &red].concat();
+        let eight = [b"P5\n2304 1296\n255\n".as_slice(), &red].concat();
         let words: Vec<u8> = red.iter().flat_map(|level| (u16::from(*level) * 4 + 1).to_be_bytes()).collect();
-        let sixteen = [format!("P5\n# ten bits\n2304 1296\n1023\n").as_bytes(), &words].concat();
+        let sixteen = [b"P5\n# ten bits\n2304 1296\n1023\n".as_slice(), &words].concat();
         for (depth, bytes) in [("8", eight), ("16", sixteen)] {
             let frame = read(directory.path(), "frame.pgm", &bytes, &rig);
             assert!(matches!(frame.pixels(), Pixels::Grey(_)), "a picture without colours");
