@@ -148,6 +148,7 @@ impl<F: NorFlash> Store<F> {
     pub async fn load_log(&mut self, log: &mut FaultLog) {
         let Some(mut queue) = self.log() else { return };
         let Ok(mut entries) = queue.iter().await else { return };
+        // A later firmware's entries may be longer: they are passed over, and do not end the log.
         let mut buffer = [0; 2 * FAULT_ENTRY_LENGTH];
         while let Ok(Some(entry)) = entries.next(&mut buffer).await {
             log.restore(&entry);

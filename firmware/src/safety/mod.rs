@@ -50,14 +50,15 @@ use nearfield_shared::status::{
 use nearfield_shared::units::{CalibrationId, Micros, Millimetres, SourceId};
 
 /// Names this firmware in its status: major, minor (one byte each) and patch version (two bytes).
-pub const FIRMWARE_ID: u32 = {
-    let [major, minor, patch] = [
-        version_part(env!("CARGO_PKG_VERSION_MAJOR")),
-        version_part(env!("CARGO_PKG_VERSION_MINOR")),
-        version_part(env!("CARGO_PKG_VERSION_PATCH")),
-    ];
+pub const FIRMWARE_ID: u32 = version_word([
+    version_part(env!("CARGO_PKG_VERSION_MAJOR")),
+    version_part(env!("CARGO_PKG_VERSION_MINOR")),
+    version_part(env!("CARGO_PKG_VERSION_PATCH")),
+]);
+
+const fn version_word([major, minor, patch]: [u32; 3]) -> u32 {
     (major << 24) | (minor << 16) | patch
-};
+}
 
 const fn version_part(digits: &str) -> u32 {
     match u32::from_str_radix(digits, 10) {

@@ -444,3 +444,13 @@ fn while_the_service_key_is_turned_the_button_starts_nothing() {
     bench.pins.service_key = false;
     bench.arm();
 }
+
+/// The host reads major, minor and patch version out of this word.
+#[test]
+fn a_version_is_one_word() {
+    assert_eq!(version_word([2, 3, 4]), 0x0203_0004);
+    assert_eq!(["0", "17", "255"].map(version_part), [0, 17, 255]);
+    assert_eq!(version_part("1-alpha"), 0);
+    let version: Vec<u32> = env!("CARGO_PKG_VERSION").split('.').map(|part| part.parse().unwrap()).collect();
+    assert_eq!(FIRMWARE_ID.to_be_bytes()[..2], [version[0] as u8, version[1] as u8]);
+}

@@ -413,3 +413,21 @@ fn a_store_that_does_not_begin_at_a_page_keeps_no_log() {
     assert_eq!(restored.entries().count(), 0);
     assert_eq!(store.into_flash().bytes, FlashModel::new().bytes, "and nothing was touched");
 }
+
+/// After a return to an older firmware the log holds entries that it cannot read, up to twice as long as its own.
+#[test]
+fn entries_of_a_later_firmware_do_not_hide_the_others() {
+    let mut store = store(with_entries(2));
+    let pushed = block_on(async {
+        let mut queue = store.log().unwrap();
+        queue.push(&[0xA7; 2 * FAULT_ENTRY_LENGTH], false).await?;
+        let mut third = FaultLog::new();
+        for _ in 0..3 {
+            third.record(&stop(3));
+        }
+        let newest = third.entries().last().unwrap();
+        queue.push(&newest.to_bytes(), false).await
+    });
+    assert!(pushed.is_ok());
+    assert_eq!(numbers(&load(&store.into_flash())), [1, 2, 3]);
+}
