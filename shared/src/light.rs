@@ -128,6 +128,7 @@ mod tests {
 
     #[test]
     fn blocks_that_are_too_dark_or_too_few_tell_nothing() {
+        assert_eq!(LEAST_BRIGHTNESS, 768, "three steps of the light signal");
         let (bright, dim) = (lit(64, LEAST_BRIGHTNESS), lit(64, LEAST_BRIGHTNESS - 1));
         assert_eq!(bright.change_since(&bright), LightChange::Same);
         assert_eq!(dim.change_since(&bright), LightChange::Unclear);

@@ -183,6 +183,8 @@ mod tests {
             (FLOOR_TOLERANCE, 1.8),
             (LARGE_HEIGHT, 50.0),
             (DEEPEST_ALLOWED_DROP, -5.0),
+            (HIGHEST_MAPPED, 200.0),
+            (DEEPEST_MAPPED, -30.0),
             (LARGEST_FLOOR_OFFSET, 1.0),
             (WARNING_FLOOR_OFFSET, 0.5),
             (CONFIGURED_OBJECT_HEIGHT, 3.3),
