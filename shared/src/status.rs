@@ -592,4 +592,16 @@ mod tests {
         }
         assert_eq!(parsed(0, 0, 1), Some(true));
     }
+
+    /// What is not there has a value of its own on the wire, the module's table says which.
+    #[test]
+    fn what_is_not_there_is_told_by_its_own_value() {
+        let nothing = Status { longest_gap: None, highest: None, lowest: None, ..example() };
+        let bytes = nothing.to_bytes();
+        let word = |value: i32| value.to_le_bytes();
+        for absent in [word(-1), word(i32::MIN), word(i32::MAX)] {
+            assert!(bytes.windows(4).any(|window| window == absent), "{absent:?}");
+        }
+        assert_eq!((WHOLE, NOTHING_RAISED, NOTHING_BELOW), (-1, i32::MIN, i32::MAX));
+    }
 }

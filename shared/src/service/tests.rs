@@ -506,3 +506,11 @@ fn only_exchanges_with_a_line_scan_have_accepted_one() {
     let accepted = ExchangeKind::ALL.map(ExchangeKind::is_accepted);
     assert_eq!(accepted, [true, true, false, false, false]);
 }
+
+/// Host and controller count the pages alike: 64 summaries of 64 bytes, 16 a page; a line-scan has pages of its own.
+#[test]
+fn the_black_box_has_the_pages_that_its_table_says() {
+    assert_eq!((SUMMARY_COUNT, SUMMARY_LENGTH, PAGE_DATA_LENGTH / SUMMARY_LENGTH), (64, 64, 16));
+    assert_eq!(SUMMARY_PAGES, 4);
+    assert_eq!(PAGES_PER_SCAN, LINE_SCAN_LENGTH.div_ceil(PAGE_DATA_LENGTH));
+}
