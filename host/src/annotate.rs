@@ -95,7 +95,8 @@ fn draw_objects(canvas: &mut Canvas, analyser: &Analyser) {
         let lowest = points.max_by(|one, other| one.row.total_cmp(&other.row));
         if let Some(point) = lowest {
             let row = point.row.round() as i64 + 4 * canvas.unit;
-            canvas.text(point.column as i64, row, &format!("{:.1} mm high", height.get()));
+            let deviation = object.uncertainty.map_or(0.0, |deviation| deviation.get());
+            canvas.text(point.column as i64, row, &format!("{:.1} +- {deviation:.1} mm high", height.get()));
         }
     }
 }

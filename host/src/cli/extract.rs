@@ -15,9 +15,10 @@ use crate::vision::unrigged::{Course, PictureStripe, find_stripe};
 
 /// Find the laser's stripe in any pictures, in pixels; no rig is needed.
 ///
-/// For each picture: is there a stripe, and if so its points (column, row; the centre of the top left pixel is 0, 0)
-/// with a confidence of 0 to 1. A stripe from side to side has at most one point in every column, one that runs down
-/// the picture at most one in every row. Exit code 2 if a picture cannot be used; the others are still reported.
+/// For each picture: is there a stripe, and if so its points (column, row; the centre of the top left pixel is 0, 0),
+/// each with the probability that it is right within a pixel. A stripe from side to side has at most one point in every
+/// column, one that runs down the picture at most one in every row. Exit code 2 if a picture cannot be used; the others
+/// are still reported.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -61,7 +62,7 @@ pub struct ExtractReport {
     pub columns: Vec<f32>,
     /// Image rows of its points, pixels.
     pub rows: Vec<f32>,
-    /// How sure each is, 0 to 1.
+    /// Probability that each row (or column, of a stripe that runs down the picture) is right within a pixel.
     pub confidence: Vec<f32>,
 }
 
@@ -160,6 +161,9 @@ fn drawing_name(image: &Path, used: &mut HashSet<OsString>) -> OsString {
     names.find(|name| used.insert(name.clone())).unwrap_or(plain)
 }
 
+/// From this confidence on a point is drawn as sure.
+const SURE: f32 = 0.9;
+
 /// Sure points are green, doubtful ones orange.
 fn draw(frame: &Frame, report: &ExtractReport) -> RgbImage {
     let (width, height) = (u32::from(frame.size().width), u32::from(frame.size().height));
@@ -167,7 +171,7 @@ fn draw(frame: &Frame, report: &ExtractReport) -> RgbImage {
         RgbImage::from_raw(width, height, frame.to_rgb()).unwrap_or_else(|| RgbImage::new(width, height));
     let points = report.columns.iter().zip(&report.rows).zip(&report.confidence);
     for ((column, row), confidence) in points {
-        let colour = if *confidence >= 0.5 { Rgb([0, 255, 80]) } else { Rgb([255, 160, 0]) };
+        let colour = if *confidence >= SURE { Rgb([0, 255, 80]) } else { Rgb([255, 160, 0]) };
         // `as` saturates: a row above the picture is drawn in its first.
         if let Some(pixel) = picture.get_pixel_mut_checked(column.round() as u32, row.round() as u32) {
             *pixel = colour;

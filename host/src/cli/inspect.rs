@@ -228,8 +228,11 @@ fn table(report: &PictureReport) -> String {
         );
     }
     for object in &report.objects {
-        let height =
-            object.height_mm.map_or("height unknown".to_owned(), |height| format!("{height:.1} mm high"));
+        let deviation =
+            object.height_deviation_mm.map_or(String::new(), |deviation| format!(" +- {deviation:.1}"));
+        let height = object
+            .height_mm
+            .map_or("height unknown".to_owned(), |height| format!("{height:.1}{deviation} mm high"));
         text += &format!(
             "  object    {:8.1} to {:8.1} mm  {height}, {}\n",
             object.start_mm, object.end_mm, object.size

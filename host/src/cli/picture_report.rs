@@ -51,6 +51,8 @@ pub struct ObjectReport {
     pub end_mm: f32,
     /// Its height; `None` where no stripe is seen on it.
     pub height_mm: Option<f32>,
+    /// One standard deviation of that height, for a rig that is true; `None` without a height.
+    pub height_deviation_mm: Option<f32>,
     /// `small`, `large` (50 mm and more) or `unknown`.
     pub size: &'static str,
 }
@@ -112,6 +114,7 @@ impl PictureReport {
             start_mm: rounded(object.start_mm),
             end_mm: rounded(object.end_mm),
             height_mm: Some(rounded(object.height_mm)),
+            height_deviation_mm: None,
             size: size_name(SizeClass::of(Millimetres::new(object.height_mm))),
         });
         self.objects = objects.collect();
@@ -130,6 +133,7 @@ impl PictureReport {
             start_mm: rounded(object.start.get()),
             end_mm: rounded(object.end.get()),
             height_mm: object.height.map(|height| rounded(height.get())),
+            height_deviation_mm: object.uncertainty.map(|deviation| rounded(deviation.get())),
             size: size_name(object.size),
         });
         let (s_mm, height_mm) = analyser

@@ -12,7 +12,7 @@ use nearfield_shared::rig::{Rig, Stripe};
 use nearfield_shared::run_over::RunOverPermit;
 use nearfield_shared::units::Millimetres;
 
-use super::extractor::{Extractor, ForeignFrame, OffFloorPoint};
+use super::extractor::{Extractor, ForeignFrame};
 use super::grid::MOST_COLUMNS;
 use super::profile::Profile;
 use crate::capture::FrameView;
@@ -25,6 +25,17 @@ const HEIGHT_QUANTILE: f32 = 0.95;
 /// Heights are smoothed over this many points of a line before, so that the quantile is not the noise's.
 const SMOOTHED_POINTS: usize = 5;
 
+/// An object of which the stripe is seen on less than this share of its gap has no known height: what is seen is a rim,
+/// and the rest may be higher. The floor that an object hides from the camera takes a part of the gap too, hence no more.
+const LEAST_SEEN: f32 = 0.25;
+
+/// The mean magnitude of a normal value is this part of its standard deviation, inverted.
+const MEAN_TO_DEVIATION: f32 = 1.25;
+/// The median of five normal values varies by this share of their standard deviation.
+const MEDIAN_SHARE: f32 = 0.54;
+/// What a row is off along a whole object, pixels: speckle, clipping and the surface's own texture move all alike.
+const ROW_ERROR_PIXELS: f32 = 0.2;
+
 /// Something that takes the stripe off the floor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StripeObject {
@@ -34,8 +45,22 @@ pub struct StripeObject {
     pub end: Millimetres,
     /// Height over the floor, negative for a drop; `None` where the stripe is not seen on it.
     pub height: Option<Millimetres>,
+    /// One standard deviation of the height, from how its points scatter and how finely the picture resolves heights there;
+    /// the rig's own error is not in it (`nearfield calibrate` tells that). `None` without a height.
+    pub uncertainty: Option<Millimetres>,
     /// Its class; without a height, and for a drop, it is unknown.
     pub size: SizeClass,
+}
+
+/// A point off the floor, its height smoothed along its line.
+#[derive(Debug, Clone, Copy)]
+struct Sample {
+    place: f32,
+    height: f32,
+    /// How far the point itself lies from that.
+    deviation: f32,
+    /// Height that one row of pixels spans here.
+    per_row: f32,
 }
 
 /// Full-frame analysis of one rig's frames, one after the other.
@@ -46,7 +71,7 @@ pub struct Analyser {
     report: StripeReport,
     gaps: Vec<Gap>,
     objects: Vec<StripeObject>,
-    sorted: Vec<OffFloorPoint>,
+    sorted: Vec<Sample>,
     smoothed: Vec<f32>,
     stripe: Stripe,
 }
@@ -135,11 +160,9 @@ impl Analyser {
     fn collect_objects(&mut self) {
         self.objects.clear();
         self.sorted.clear();
-        self.sorted.extend_from_slice(self.extractor.points());
-        smooth_heights(&mut self.sorted, &mut self.smoothed);
+        smooth_heights(&self.extractor, &mut self.sorted);
         self.sorted.sort_unstable_by(|one, other| one.place.total_cmp(&other.place));
-        let apart =
-            |one: &OffFloorPoint, other: &OffFloorPoint| other.place - one.place <= OBJECT_SEPARATION_MM;
+        let apart = |one: &Sample, other: &Sample| other.place - one.place <= OBJECT_SEPARATION_MM;
         for points in self.sorted.chunk_by(apart) {
             let [first, .., last] = points else { continue };
             self.smoothed.clear();
@@ -150,6 +173,7 @@ impl Analyser {
                 start: Millimetres::new(first.place),
                 end: Millimetres::new(last.place),
                 height: Some(height),
+                uncertainty: Some(Millimetres::new(deviation(points))),
                 size,
             });
         }
@@ -162,11 +186,18 @@ impl Analyser {
                 .any(|object| object.start <= gap.end && object.end >= gap.start);
             if !explained {
                 let (start, end) = (gap.start, gap.end);
-                self.objects.push(StripeObject { start, end, height: None, size: SizeClass::Unknown });
+                self.objects.push(StripeObject {
+                    start,
+                    end,
+                    height: None,
+                    uncertainty: None,
+                    size: SizeClass::Unknown,
+                });
             }
         }
         self.objects.sort_unstable_by(|one, other| one.start.get().total_cmp(&other.start.get()));
         self.join_objects();
+        self.doubt_objects();
     }
 
     /// What lies in one gap, with no floor between, is one object: as high as its highest part.
@@ -181,12 +212,25 @@ impl Analyser {
             let (Some(height), Some(next_height)) = (before.height, next.height) else { return false };
             if one_gap {
                 if next_height.get().abs() > height.get().abs() {
-                    (before.height, before.size) = (next.height, next.size);
+                    (before.height, before.uncertainty, before.size) =
+                        (next.height, next.uncertainty, next.size);
                 }
                 before.end = Millimetres::new(before.end.get().max(next.end.get()));
             }
             one_gap
         });
+    }
+
+    /// Too little of an object is seen to say how high it is.
+    fn doubt_objects(&mut self) {
+        for object in self.objects.iter_mut().filter(|object| object.height.is_some()) {
+            let (start, end) = (object.start.get(), object.end.get());
+            let middle = f32::midpoint(start, end);
+            let gap = self.gaps.iter().find(|gap| (gap.start.get()..=gap.end.get()).contains(&middle));
+            if gap.is_some_and(|gap| end - start < LEAST_SEEN * gap.length().get()) {
+                (object.height, object.uncertainty, object.size) = (None, None, SizeClass::Unknown);
+            }
+        }
     }
 
     /// The extraction of the last frame.
@@ -236,24 +280,35 @@ impl Analyser {
     }
 }
 
-/// Replaces each point's height by the median around it on its line. The points come line by line.
-fn smooth_heights(points: &mut [OffFloorPoint], heights: &mut Vec<f32>) {
-    heights.clear();
-    heights.extend(points.iter().map(|point| point.height));
-    for index in 0..points.len() {
+/// Each point's height becomes the median around it on its line. The points come line by line.
+fn smooth_heights(extractor: &Extractor, samples: &mut Vec<Sample>) {
+    let points = extractor.points();
+    for (index, point) in points.iter().enumerate() {
         let mut around = [0.0; SMOOTHED_POINTS];
         let mut count = 0;
-        for other in
-            index.saturating_sub(SMOOTHED_POINTS / 2)..(index + SMOOTHED_POINTS / 2 + 1).min(points.len())
-        {
-            if points[other].line == points[index].line {
-                around[count] = heights[other];
+        let half = SMOOTHED_POINTS / 2;
+        for other in &points[index.saturating_sub(half)..(index + half + 1).min(points.len())] {
+            if other.line == point.line {
+                around[count] = other.height;
                 count += 1;
             }
         }
         let (_, median, _) = around[..count].select_nth_unstable_by(count / 2, f32::total_cmp);
-        points[index].height = *median;
+        samples.push(Sample {
+            place: point.place,
+            height: *median,
+            deviation: (point.height - *median).abs(),
+            per_row: extractor.geometry().map(point.column).map_or(0.0, |map| map.height_per_row.abs()),
+        });
     }
+}
+
+/// One standard deviation of an object's height.
+fn deviation(points: &[Sample]) -> f32 {
+    let count = points.len() as f32;
+    let mean = |value: fn(&Sample) -> f32| points.iter().map(value).sum::<f32>() / count;
+    let scatter = MEAN_TO_DEVIATION * mean(|point| point.deviation);
+    (MEDIAN_SHARE * scatter).hypot(ROW_ERROR_PIXELS * mean(|point| point.per_row))
 }
 
 /// The height that represents an object: a high quantile, or for a drop the corresponding low one.

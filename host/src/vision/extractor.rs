@@ -133,7 +133,7 @@ impl Extractor {
         floor.find(signal, grid);
         raised.find(signal, grid, &self.geometry, floor);
         for (index, (column, place)) in floor.columns().iter().zip(grid.columns()).enumerate() {
-            if column.lit {
+            if column.lit && !raised.is_claimed(place.place) {
                 // Within a sample the stripe runs parallel to the floor's.
                 let offset = (column.row - place.floor_row) * S::STEP as f32;
                 let quality = quality_of(column.significance());
@@ -151,7 +151,8 @@ impl Extractor {
                 let (height, place) = (point.height, point.place);
                 self.points.push(OffFloorPoint { column, row, height, place, quality, line: point.line });
             }
-            if !floor.columns()[point.column].lit {
+            let lit = floor.columns()[point.column].lit;
+            if !lit || raised.is_claimed(grid.columns()[point.column].place) {
                 for image_column in column..column + S::STEP {
                     raise_reading(&self.geometry, &mut self.readings, image_column, row, quality);
                 }

@@ -75,7 +75,7 @@ pub struct FloorColumn {
 }
 
 /// Length of the stripe in one column, millimetres.
-fn pitch(grid: &Grid, index: usize) -> f32 {
+pub fn pitch(grid: &Grid, index: usize) -> f32 {
     let place = |index: usize| grid.columns().get(index).map_or(f32::NAN, |column| column.place);
     let (before, after) = (place(index.saturating_sub(1)), place(index + 1));
     let columns = if index == 0 { 1.0 } else { 2.0 };

@@ -47,10 +47,14 @@ impl Grid {
     pub fn new(geometry: &PictureGeometry, rig: &Rig, sheet_mm: f64, step: usize) -> Self {
         let watched = geometry.watched();
         let rows = usize::from(rig.image().height) / step;
-        let (first, end) = (watched.start.div_ceil(step), watched.end / step);
+        // A sample of which only a part watches the stripe sees it all the same.
+        let end = watched.end.div_ceil(step).min(usize::from(rig.image().width) / step);
+        let first = watched.start / step;
         let columns: Vec<GridColumn> = (first..end.max(first))
             .filter_map(|column| {
-                let maps = [geometry.map(column * step)?, geometry.map(column * step + step - 1)?];
+                let inside = [column * step, column * step + step - 1]
+                    .map(|column| column.clamp(watched.start, watched.end.saturating_sub(1)));
+                let maps = [geometry.map(inside[0])?, geometry.map(inside[1])?];
                 let width = stripe_width(rig, sheet_mm, f64::from(maps[0].floor_place), step);
                 Some(GridColumn::new(maps, width, step, rows))
             })

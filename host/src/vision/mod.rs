@@ -19,3 +19,6 @@ pub mod unrigged;
 
 pub use analysis::{Analyser, StripeObject};
 pub use extractor::{Extractor, ForeignFrame, OffFloorPoint};
+
+#[cfg(test)]
+mod tests;

@@ -14,7 +14,7 @@ use super::signal::Signal;
 const VALLEY_SHARE: f32 = 0.5;
 
 /// A core is only looked at for clipping where something around is as strong as this.
-const HOLLOW_STRENGTH: i16 = 60;
+const HOLLOW_STRENGTH: i16 = 30;
 /// The rim of a hollow reaches this far beyond the clipped samples.
 const RIM: usize = 2;
 /// A ridge whose contrast is a smaller share of its rise may have a paint's edge close by.
@@ -350,7 +350,7 @@ fn gather<S: Signal>(
     }
     if strongest >= HOLLOW_STRENGTH {
         // A hollow has rims; what lies beyond them needs no look.
-        let is_rim = |sample: &i16| *sample >= HOLLOW_STRENGTH / 2;
+        let is_rim = |sample: &i16| *sample >= HOLLOW_STRENGTH;
         let from = samples.iter().position(is_rim).unwrap_or(0);
         let to = samples.iter().rposition(is_rim).map_or(0, |last| last + 1);
         fill_hollows(&mut samples[from..to], |position| signal.is_clipped(column, first + from + position));

@@ -1,20 +1,23 @@
 //! Where the stripe is gone from the floor: does it appear elsewhere, and where on what object?
 //!
-//! Each ray of the laser hits one thing, the first in its way. So a stripe off the floor is believed only for rays
-//! whose place on the floor is dark, and of several candidates for one ray (a reflection in a wet floor, a glare on a
-//! glossy side, texture) only one, that of the longer and stronger line. Candidates must form a line over several
-//! columns; a single bright spot is none.
+//! Each ray of the laser hits one thing, the first in its way ([`rays`]). So a stripe off the floor is believed only for
+//! rays whose place on the floor is dark, and of several candidates for one ray (a reflection in a wet floor, a glare on
+//! a glossy side, texture) only one, that of the longer and stronger line. Candidates must be light ([`light`]) and form
+//! a line over several columns; a single bright spot is none. The laser's line ends where the rays reach the floor again:
+//! what goes on there at both ends is a thing that is red itself. And what looks lit between two dark parts of one line
+//! is not the floor's stripe, for that ray ends on the line.
 
-use super::floor::{FloorColumn, FloorFinder, is_fringe};
+mod light;
+mod rays;
+
+use super::floor::{FloorFinder, pitch};
 use super::grid::{Grid, PictureGeometry};
-use super::peak::{self, Kernel, Peak};
+use super::peak;
 use super::signal::{RowSearch, SEGMENT_BITS, SEGMENT_ROWS, Signal};
 use crate::simd;
+use light::believed;
+use rays::Rays;
 
-/// Length of the stretches in which rays are counted, millimetres.
-const RAY_BIN_MM: f32 = 0.5;
-/// Dark stretches are widened by this on both sides: the ray's place is known to about this, millimetres.
-const RAY_MARGIN_MM: f32 = 1.5;
 /// Columns that see rays end this near to a dark one are searched too, millimetres: a line may go on beside the dark
 /// stretch, and what a column can see is rounded.
 const SIGHT_MARGIN_MM: f32 = 16.0;
@@ -33,17 +36,8 @@ const SAME_CREST: f32 = 3.0;
 /// A stripe that is not clipped is at most so many times as wide as the floor's usually is: things that are red
 /// themselves are mostly wider.
 const WIDEST_SHARE: f32 = 2.0;
-/// Light rises in its own colour by at least this share of its contrast; grey on green, or red pigment on a bright
-/// ground, does not.
-const GLOW_SHARE: f32 = 0.03;
-/// Samples on each side that it is compared with.
-const GLOW_SAMPLES: usize = 3;
-/// From here on the laser's colour is at the end of its scale.
-const OVEREXPOSED: f32 = 244.0;
-/// A line of this length along the stripe is one whatever lies around it, millimetres ...
-const LONG_LINE_MM: f32 = 12.0;
-/// ... a shorter one must take at least this share of the dark stretch that it lies in.
-const LEAST_EXPLAINED: f32 = 0.08;
+/// A line goes on beside the dark stretch if it is seen in this much of that at least, millimetres.
+const GOES_ON_MM: f32 = 3.0;
 /// Lines that are followed at a time; more is texture.
 const OPEN_LINES: usize = 24;
 /// Candidates for which there is room; a picture with more shows texture, and the weaker ones change nothing.
@@ -65,6 +59,8 @@ pub struct RaisedPoint {
     /// Which line it belongs to.
     pub line: u32,
     contrast: f32,
+    /// The floor looks lit where its ray would end.
+    beside: bool,
 }
 
 /// A line of candidates.
@@ -76,6 +72,10 @@ struct Line {
     significance: f32,
     last_column: usize,
     last_row: f32,
+    /// Length on rays that reach the floor, before the line's first dark ray and after it, millimetres.
+    beside: [f32; 2],
+    /// First and last column of what is believed of it.
+    ends: [usize; 2],
 }
 
 /// Finds the stripe off the floor; owns its memory.
@@ -156,16 +156,20 @@ impl RaisedFinder {
         simd::run(Collect { signal, grid, watching: &self.watching, keys: &mut self.keys });
     }
 
-    /// Row of the strongest sample of a segment, if it stands out from one of the neighbouring segments at least and
-    /// does not fall behind any.
-    fn seed(&self, segment: usize, index: usize, width: usize) -> Option<usize> {
+    /// Row of the strongest sample of a segment, if it stands out from one of the neighbouring segments at least (by
+    /// `least` steps of strength, if it falls behind the other).
+    fn seed(&self, segment: usize, index: usize, width: usize, least: u16) -> Option<usize> {
         let key_of = |segment: Option<usize>| self.keys.get(segment? * width + index).copied();
         let key = key_of(Some(segment))?;
         let strength = key >> SEGMENT_BITS;
         let neighbours = [segment.checked_sub(1), Some(segment + 1)];
         let [above, below] = neighbours.map(|neighbour| key_of(neighbour).unwrap_or(0) >> SEGMENT_BITS);
+        let row = usize::from(key & ((1 << SEGMENT_BITS) - 1));
         let stands_out = strength >= above.max(below) && strength > above.min(below);
-        stands_out.then(|| segment * SEGMENT_ROWS + usize::from(key & ((1 << SEGMENT_BITS) - 1)))
+        // What lies inside its segment is a crest, even if something redder lies in the next one.
+        let inside = 0 < row && row + 1 < SEGMENT_ROWS;
+        let is_crest = inside && strength >= above.min(below) + least;
+        (stands_out || is_crest).then_some(segment * SEGMENT_ROWS + row)
     }
 
     /// Measures the seeds on dark rays, column by column, and joins them to lines.
@@ -193,12 +197,16 @@ impl RaisedFinder {
             let column = grid.first() + index;
             self.column.fill(signal, column, rows);
             let mut last_row = f32::NEG_INFINITY;
+            let pitch = pitch(grid, index);
+            let least = CANDIDATE_CONTRAST * floor.noise;
+            // A step of strength is two levels.
+            let steps = (least / 2.0).min(f32::from(u8::MAX)) as u16;
             for segment in segments {
-                let Some(row) = self.seed(segment, index, width) else { continue };
-                if !self.rays.is_dark(geometry.ray_place(map, grid.to_pixels(row as f32))) {
+                let Some(row) = self.seed(segment, index, width, steps) else { continue };
+                let ray = geometry.ray_place(map, grid.to_pixels(row as f32));
+                if !self.rays.is_of_interest(ray) && !self.is_continued_by(index, row as f32) {
                     continue;
                 }
-                let least = CANDIDATE_CONTRAST * floor.noise;
                 let found = self.column.find_above(signal, column, row, 1, least);
                 let Some(peak) = believed(signal, column, found, widest) else { continue };
                 let (peak_row, contrast) = (peak.row, peak.contrast);
@@ -209,13 +217,16 @@ impl RaisedFinder {
                 }
                 let pixel_row = grid.to_pixels(peak_row);
                 let (height, ray) = (map.height(pixel_row), geometry.ray_place(map, pixel_row));
-                if (peak_row - place.floor_row).abs() <= place.tolerance || !self.rays.is_dark(ray) {
+                if (peak_row - place.floor_row).abs() <= place.tolerance || !self.rays.is_watched(ray) {
                     continue;
                 }
                 last_row = peak_row;
                 if self.points.len() < MOST_CANDIDATES {
-                    let line = self.join(index, peak_row, contrast, significance);
+                    let seen = Candidate { column: index, row: peak_row, contrast, significance };
+                    let beside = !self.rays.is_dark(ray);
+                    let line = if beside { self.join_beside(&seen, pitch) } else { self.join(&seen) };
                     self.points.push(RaisedPoint {
+                        beside,
                         column: index,
                         row: peak_row,
                         height,
@@ -230,41 +241,57 @@ impl RaisedFinder {
     }
 
     /// The line that a candidate continues, or a new one.
-    fn join(&mut self, column: usize, row: f32, contrast: f32, significance: f32) -> u32 {
+    fn line_of(&mut self, seen: &Candidate) -> u32 {
         let mut nearest: Option<(f32, u32)> = None;
         for number in &self.open {
             let line = &self.lines[*number as usize];
-            if line.last_column == column {
+            if line.last_column == seen.column {
                 continue;
             }
-            let distance = (line.last_row - row).abs();
-            let columns = (column - line.last_column) as f32;
+            let distance = (line.last_row - seen.row).abs();
+            let columns = (seen.column - line.last_column) as f32;
             if distance <= LINE_STEP * columns && nearest.is_none_or(|(least, _)| distance < least) {
                 nearest = Some((distance, *number));
             }
         }
         let number = nearest.map_or(self.lines.len() as u32, |(_, number)| number);
         match self.lines.get_mut(number as usize) {
-            Some(line) => {
-                line.columns += 1;
-                line.contrast += contrast;
-                line.significance += significance;
-                (line.last_column, line.last_row) = (column, row);
-            }
+            Some(line) => (line.last_column, line.last_row) = (seen.column, seen.row),
             None => {
-                self.lines.push(Line {
-                    number,
-                    columns: 1,
-                    contrast,
-                    significance,
-                    last_column: column,
-                    last_row: row,
-                });
+                self.lines.push(Line::starting_at(number, seen));
                 if self.open.len() < OPEN_LINES {
                     self.open.push(number);
                 }
             }
         }
+        number
+    }
+
+    /// Joins a candidate on a dark ray.
+    fn join(&mut self, seen: &Candidate) -> u32 {
+        let number = self.line_of(seen);
+        let line = &mut self.lines[number as usize];
+        line.columns += 1;
+        line.contrast += seen.contrast;
+        line.significance += seen.significance;
+        // What lies between two dark stretches is no end.
+        line.beside[1] = 0.0;
+        number
+    }
+
+    /// May a seed continue a line that was seen on dark rays before?
+    fn is_continued_by(&self, column: usize, row: f32) -> bool {
+        self.open.iter().map(|number| &self.lines[*number as usize]).any(|line| {
+            let columns = (column - line.last_column) as f32;
+            line.columns > 0 && (line.last_row - row).abs() <= LINE_STEP * columns
+        })
+    }
+
+    /// Joins a candidate on a ray that reaches the floor, beside the dark ones.
+    fn join_beside(&mut self, seen: &Candidate, pitch: f32) -> u32 {
+        let number = self.line_of(seen);
+        let line = &mut self.lines[number as usize];
+        line.beside[usize::from(line.columns > 0)] += pitch;
         number
     }
 
@@ -284,17 +311,40 @@ impl RaisedFinder {
         for number in &self.order {
             let from = self.points.partition_point(|point| point.line < *number);
             let to = self.points.partition_point(|point| point.line <= *number);
-            let points = &self.points[from..to];
+            let points = without_ends(&self.points[from..to]);
             let taken = points.iter().filter(|point| self.rays.is_taken(point.place)).count();
             if 2 * taken < points.len() && self.rays.is_explained_by(points) {
                 lines[*number as usize].columns = 1;
                 for pair in points.windows(2) {
                     self.rays.take(pair[0].place, pair[1].place);
                 }
+                self.rays.claim(points);
+                // What remains of the line ends with its last dark ray.
+                let ends = [points.first(), points.last()].map(|point| point.map_or(0, |point| point.column));
+                lines[*number as usize].ends = ends;
             }
         }
-        self.points.retain(|point| lines[point.line as usize].columns == 1);
+        self.points.retain(|point| {
+            let line = &lines[point.line as usize];
+            line.columns == 1 && (line.ends[0]..=line.ends[1]).contains(&point.column)
+        });
     }
+
+    /// Does a line off the floor hold the ray that would end at this place, although the floor looks lit there? A ray ends
+    /// once: what looks lit between two dark parts of one line is a reflection, or the edge of a paint.
+    #[must_use]
+    pub fn is_claimed(&self, place: f32) -> bool {
+        self.rays.is_claimed(place)
+    }
+}
+
+/// A ridge that may be the stripe.
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    column: usize,
+    row: f32,
+    contrast: f32,
+    significance: f32,
 }
 
 /// The search of [`RaisedFinder::collect_seeds`] as vector instructions.
@@ -348,176 +398,31 @@ fn sight(grid: &Grid, geometry: &PictureGeometry, index: usize) -> [f32; 2] {
 }
 
 impl Line {
+    const fn starting_at(number: u32, seen: &Candidate) -> Self {
+        Self {
+            number,
+            columns: 0,
+            contrast: 0.0,
+            significance: 0.0,
+            last_column: seen.column,
+            last_row: seen.row,
+            beside: [0.0; 2],
+            ends: [0; 2],
+        }
+    }
+
+    /// Long enough and strong enough, and it ends where the laser's light on the floor begins: what goes on at both ends
+    /// is a thing that is red itself.
     fn is_believable(&self) -> bool {
-        self.columns >= FEWEST_COLUMNS && self.significance >= LINE_CONTRAST * self.columns as f32
+        self.columns >= FEWEST_COLUMNS
+            && self.significance >= LINE_CONTRAST * self.columns as f32
+            && self.beside.iter().any(|length| *length < GOES_ON_MM)
     }
 }
 
-/// A ridge, if light of the laser can have made it.
-fn believed<S: Signal>(signal: S, column: usize, peak: Option<Peak>, widest: f32) -> Option<Peak> {
-    peak.filter(|peak| is_light(signal, column, peak, widest) && !is_fringe(signal, column, peak))
-}
-
-/// Is it as narrow as a stripe, and brighter in the laser's colour than both sides together? A stripe at the end of the
-/// camera's scale may be wide: the brighter, the wider. Beside what daylight overexposes nothing is believed: it has red
-/// rims of its own, and the laser is not seen on it.
-fn is_light<S: Signal>(signal: S, column: usize, peak: &Peak, widest: f32) -> bool {
-    let crest = peak.row.round().max(0.0) as usize;
-    let beside = (peak.width / 2.0).ceil() as usize + Kernel::for_step(S::STEP).half;
-    let mean_glow = |first: usize| {
-        let sum: i16 = (first..first + GLOW_SAMPLES).map(|row| signal.glow(column, row)).sum();
-        f32::from(sum) / GLOW_SAMPLES as f32
-    };
-    let above = mean_glow(crest.saturating_sub(beside + GLOW_SAMPLES - 1));
-    let below = mean_glow(crest + beside);
-    if above.max(below) >= OVEREXPOSED {
-        return false;
-    }
-    if signal.is_clipped(column, crest) {
-        return true;
-    }
-    let rise = f32::from(signal.glow(column, crest)) - (above + below) / 2.0;
-    peak.width <= widest && rise >= GLOW_SHARE * peak.contrast
-}
-
-/// Which rays of the laser reach the floor, in stretches of [`RAY_BIN_MM`].
-#[derive(Debug, Clone)]
-struct Rays {
-    start: f32,
-    bins: Vec<Ray>,
-    /// How many bins before each are dark.
-    dark_before: Vec<u32>,
-    /// Place of each grid column's floor point, millimetres.
-    places: Vec<f32>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Ray {
-    /// It reaches the floor.
-    Lit,
-    /// It does not, and nothing is known of what it hits.
-    Dark,
-    /// It does not; a line explains where it ends.
-    Taken,
-}
-
-impl Rays {
-    fn new(grid: &Grid) -> Self {
-        let places: Vec<f32> = grid.columns().iter().map(|column| column.place).collect();
-        let (low, high) = places.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), place| {
-            (low.min(*place), high.max(*place))
-        });
-        let count = if low <= high { ((high - low) / RAY_BIN_MM) as usize + 1 } else { 0 };
-        Self { start: low, bins: vec![Ray::Lit; count], dark_before: vec![0; count + 1], places }
-    }
-
-    /// Marks the dark stretches; true if there is one. A single dark column is not.
-    fn set(&mut self, floor: &[FloorColumn]) -> bool {
-        self.bins.fill(Ray::Lit);
-        let mut any = false;
-        for (index, columns) in floor.windows(2).enumerate() {
-            if columns.iter().all(|column| !column.lit) {
-                any = true;
-                let (one, other) = (self.places[index], self.places[index + 1]);
-                self.mark(one.min(other) - RAY_MARGIN_MM, one.max(other) + RAY_MARGIN_MM, Ray::Dark);
-            }
-        }
-        let mut dark = 0;
-        for (before, ray) in self.dark_before.iter_mut().skip(1).zip(&self.bins) {
-            dark += u32::from(*ray == Ray::Dark);
-            *before = dark;
-        }
-        any
-    }
-
-    /// Was any ray between two places dark when [`Self::set`] looked?
-    fn any_dark(&self, [low, high]: [f32; 2]) -> bool {
-        // `as` saturates: what lies before the stripe begins with its first bin.
-        let bin = |place: f32| ((place - self.start) / RAY_BIN_MM).floor() as usize;
-        let end = bin(high).saturating_add(1).min(self.bins.len());
-        let first = bin(low).min(end);
-        self.dark_before[end] > self.dark_before[first]
-    }
-
-    fn mark(&mut self, low: f32, high: f32, as_what: Ray) {
-        let bin = |place: f32| ((place - self.start) / RAY_BIN_MM).max(0.0) as usize;
-        let (from, to) = (bin(low), (bin(high) + 1).min(self.bins.len()));
-        if let Some(bins) = self.bins.get_mut(from..to) {
-            bins.fill(as_what);
-        }
-    }
-
-    fn at(&self, place: f32) -> Option<Ray> {
-        let bin = (place - self.start) / RAY_BIN_MM;
-        // NaN and what lies before the stripe are no bins.
-        if bin >= 0.0 { self.bins.get(bin as usize).copied() } else { None }
-    }
-
-    fn is_dark(&self, place: f32) -> bool {
-        self.at(place).is_some_and(|ray| ray != Ray::Lit)
-    }
-
-    fn is_taken(&self, place: f32) -> bool {
-        self.at(place) == Some(Ray::Taken)
-    }
-
-    /// Is a line long enough for the dark stretch that it lies in? Next to nothing of it explains nothing: that is a
-    /// glint, or the red rim of something that daylight overexposes.
-    fn is_explained_by(&self, points: &[RaisedPoint]) -> bool {
-        let [first, .., last] = points else { return false };
-        let length = (last.place - first.place).abs();
-        if length >= LONG_LINE_MM {
-            return true;
-        }
-        let middle = ((first.place + last.place) / 2.0 - self.start) / RAY_BIN_MM;
-        let middle = (middle.max(0.0) as usize).min(self.bins.len());
-        let is_dark = |ray: &&Ray| **ray != Ray::Lit;
-        let dark = self.bins[..middle].iter().rev().take_while(is_dark).count()
-            + self.bins[middle..].iter().take_while(is_dark).count();
-        length >= LEAST_EXPLAINED * dark as f32 * RAY_BIN_MM
-    }
-
-    fn take(&mut self, one: f32, other: f32) {
-        self.mark(one.min(other), one.max(other), Ray::Taken);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::capture::Plane;
-    use crate::vision::signal::RedMinusGreen;
-
-    /// One column of `ground` with a bell-shaped ridge that moves the colour by `change`.
-    fn column(ground: [f32; 3], change: [f32; 3]) -> Vec<u8> {
-        (0..80)
-            .flat_map(|row| {
-                let light = (-(row as f32 - 40.0).powi(2) / 12.0).exp();
-                std::array::from_fn::<u8, 3, _>(|channel| (ground[channel] + light * change[channel]) as u8)
-            })
-            .collect()
-    }
-
-    fn is_believed(bytes: &[u8]) -> bool {
-        let signal = RedMinusGreen(Plane::new(bytes, 3, 3, 80).unwrap());
-        believed(signal, 0, peak::find_above(signal, 0, 40, 1, 4.0), 14.0).is_some()
-    }
-
-    #[test]
-    fn the_laser_is_believed_on_every_ground_that_is_not_overexposed() {
-        for ground in [[140.0, 140.0, 140.0], [60.0, 120.0, 80.0], [20.0, 20.0, 20.0], [190.0, 65.0, 60.0]] {
-            assert!(is_believed(&column(ground, [50.0, -20.0, -10.0])), "{ground:?}");
-        }
-        assert!(!is_believed(&column([250.0, 230.0, 215.0], [5.0, -60.0, -60.0])), "overexposed");
-    }
-
-    /// A black cable on a green floor is redder than the floor, and no light.
-    #[test]
-    fn what_is_only_less_green_is_no_light() {
-        assert!(!is_believed(&column([60.0, 120.0, 80.0], [-30.0, -95.0, -55.0])));
-        assert!(
-            !is_believed(&column([220.0, 215.0, 205.0], [-10.0, -140.0, -140.0])),
-            "red pigment on white"
-        );
-    }
+/// A line's points from the first dark ray to the last.
+fn without_ends(points: &[RaisedPoint]) -> &[RaisedPoint] {
+    let first = points.iter().position(|point| !point.beside);
+    let last = points.iter().rposition(|point| !point.beside);
+    first.zip(last).and_then(|(first, last)| points.get(first..=last)).unwrap_or(&[])
 }

@@ -8,6 +8,11 @@
 //! where the average has fallen to half of what it is beside, so that averaging moves none.
 
 mod filter;
+mod statistics;
+#[cfg(test)]
+mod tests;
+
+use statistics::{deviation, vertex};
 
 use super::strip::Strip;
 use super::{FRINGE_SHARE, FloorColumn, FloorFinder, GONE_SHARE, SURE_CONTRAST, pitch};
@@ -46,8 +51,6 @@ const PLACES_ASIDE: usize = 2;
 const PLACES: usize = 2 * PLACES_ASIDE + 1;
 /// Rows aside at which there is no stripe.
 const VOIDS: usize = 4;
-/// Median of the magnitude of a normal value, in standard deviations.
-const MEDIAN_MAGNITUDE: f32 = 0.6745;
 /// A quarter of the magnitudes of normal values are smaller, in standard deviations.
 const QUARTER_MAGNITUDE: f32 = 0.3186;
 /// Backgrounds of the two sides that differ by more than so many standard deviations are those of two surfaces.
@@ -371,31 +374,4 @@ impl Pool {
         let (_, quarter, _) = self.some.select_nth_unstable_by(quiet, f32::total_cmp);
         (*quarter / QUARTER_MAGNITUDE).max(LEAST_VARIATION)
     }
-}
-
-/// Standard deviation of normal values from their magnitudes; leaves them in another order.
-fn deviation(magnitudes: &mut [f32]) -> f32 {
-    let middle = magnitudes.len() / 2;
-    if middle == 0 {
-        return f32::INFINITY;
-    }
-    let (_, median, _) = magnitudes.select_nth_unstable_by(middle, f32::total_cmp);
-    *median / MEDIAN_MAGNITUDE
-}
-
-/// Where the highest of some values is, by the parabola through it and its neighbours, counted from the middle.
-fn vertex(values: &[f32; PLACES]) -> f32 {
-    let mut best = PLACES_ASIDE;
-    for (index, value) in values.iter().enumerate() {
-        if *value > values[best] {
-            best = index;
-        }
-    }
-    let offset = best as f32 - PLACES_ASIDE as f32;
-    if best == 0 || best + 1 == PLACES {
-        return offset;
-    }
-    let (before, here, after) = (values[best - 1], values[best], values[best + 1]);
-    let bend = before - 2.0 * here + after;
-    if bend < 0.0 { offset + 0.5 * (before - after) / bend } else { offset }
 }

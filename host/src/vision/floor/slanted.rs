@@ -184,3 +184,60 @@ pub fn read(strip: &Strip, column: usize, expected: &Expected) -> Option<Slanted
     (sure && offset.abs() <= expected.tolerance.max(2.0 * STEP_ROWS))
         .then_some(SlantedRidge { height: fit.height, offset })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const COLUMNS: usize = 400;
+    const MIDDLE: usize = 200;
+    const EXPECTED: Expected = Expected { width: 3.0, offset: 0.0, tolerance: 1.5 };
+
+    /// Paint of this strength below an edge that rises by one row in `columns_to_row` columns through the middle, and a
+    /// stripe of this height at a row.
+    fn strip(paint: f32, columns_to_row: f32, height: f32, at: f32) -> Strip {
+        Strip::drawn(COLUMNS, |column, row| {
+            let edge = (column as f32 - MIDDLE as f32) / columns_to_row;
+            let step = 1.0 / (1.0 + (-1.4 * (row as f32 - edge)).exp());
+            let deviation = EXPECTED.width / 2.355;
+            let bell = (-0.5 * ((row as f32 - at) / deviation).powi(2)).exp();
+            (5.0 + paint * step + height * bell).round() as i16
+        })
+    }
+
+    #[test]
+    fn along_the_edge_a_stripe_is_seen_that_the_step_hides_down_the_column() {
+        for columns_to_row in [2.0, 5.0, -5.0, 10.0] {
+            let ridge = read(&strip(160.0, columns_to_row, 60.0, 0.0), MIDDLE, &EXPECTED);
+            let ridge = ridge.unwrap_or_else(|| panic!("{columns_to_row} columns to a row: none"));
+            assert!((ridge.height - 60.0).abs() < 15.0, "{columns_to_row}: {ridge:?}");
+            assert!(ridge.offset.abs() <= 0.5, "{columns_to_row}: {ridge:?}");
+        }
+    }
+
+    #[test]
+    fn an_edge_without_a_stripe_has_none() {
+        for columns_to_row in [2.0, 5.0, -5.0, 10.0] {
+            let ridge = read(&strip(160.0, columns_to_row, 0.0, 0.0), MIDDLE, &EXPECTED);
+            assert!(ridge.is_none_or(|ridge| ridge.height < 10.0), "{columns_to_row}: {ridge:?}");
+        }
+    }
+
+    #[test]
+    fn a_stripe_farther_off_than_the_tolerance_is_not_the_floors() {
+        for (at, seen) in [(1.0, true), (-1.0, true), (1.9, false), (-1.9, false)] {
+            let ridge = read(&strip(0.0, 5.0, 60.0, at), MIDDLE, &EXPECTED);
+            assert_eq!(ridge.is_some(), seen, "{at} rows off: {ridge:?}");
+        }
+    }
+
+    #[test]
+    fn where_the_strip_ends_nothing_is_read_across_its_end() {
+        let strip = strip(160.0, 10.0, 60.0, 0.0);
+        for column in [0, 1, COLUMNS - 1] {
+            // Straight down there is no edge at these columns, and the stripe is seen; no direction may leave the strip.
+            let ridge = read(&strip, column, &EXPECTED);
+            assert!(ridge.is_none_or(|ridge| (ridge.height - 60.0).abs() < 15.0), "{column}: {ridge:?}");
+        }
+    }
+}

@@ -23,6 +23,16 @@ impl Strip {
         Self { columns, values: vec![0; ROWS * columns], filled: vec![false; columns.div_ceil(BLOCK)] }
     }
 
+    /// A strip of given values, for tests: of column and row from the floor's.
+    #[cfg(test)]
+    pub fn drawn(columns: usize, value: impl Fn(usize, isize) -> i16) -> Self {
+        let mut strip = Self::new(columns);
+        for (index, sample) in strip.values.iter_mut().enumerate() {
+            *sample = value(index % columns, (index / columns) as isize - MOST_ASIDE as isize);
+        }
+        strip
+    }
+
     /// Columns that there are.
     pub fn columns(&self) -> usize {
         self.columns

@@ -22,7 +22,8 @@ pub struct PicturePoint {
     pub column: f32,
     /// Image row, pixels.
     pub row: f32,
-    /// How sure it is that this is the stripe, 0 to 1.
+    /// Probability that it lies within one sample (a pixel; two where the layout has chroma at half the resolution) of the
+    /// stripe, 0 to 1: see `FIGURES-VISION.md`.
     pub confidence: f32,
 }
 
