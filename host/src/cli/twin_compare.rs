@@ -10,8 +10,9 @@ use crate::twin::compare::{Comparison, Statistics, compare};
 
 /// Compare the twin with pictures of another renderer, by measures of the stripe.
 ///
-/// For every scene file ("schema": "scene-1") of DIR whose floor and camera settings the twin knows, the same bare floor is
-/// rendered with the same rig and settings, and both pictures are measured where the truth says that the floor is lit:
+/// For every scene file ("schema": "scene-1") of DIR whose kind of floor the twin knows, the same bare floor is rendered with
+/// the same rig and, where the file tells them, the same light and camera settings (`look`), and both pictures are measured
+/// where the truth (`profile`; without it, a stripe without gaps) says that the floor is lit:
 /// width of the stripe, its height over the ground and how uneven that is, how much the ground varies, and the error of a
 /// fixed estimator (centre of gravity). Medians over columns; spreads are robust standard deviations.
 #[derive(Debug, Args)]

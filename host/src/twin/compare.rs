@@ -6,6 +6,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use nearfield_shared::rig::Rig;
 use serde::{Deserialize, Serialize};
 
 use super::render::Twin;
@@ -39,8 +40,8 @@ pub enum CompareError {
     /// The twin's own scene.
     #[error(transparent)]
     Twin(#[from] SceneError),
-    /// The scene file does not tell floor, light and camera settings.
-    #[error("{path}: no floor and look that the twin knows: {source}")]
+    /// The scene file does not tell the floor.
+    #[error("{path}: no floor that the twin knows: {source}")]
     Look {
         /// The file.
         path: String,
@@ -53,7 +54,8 @@ pub enum CompareError {
 #[derive(Deserialize)]
 struct Settings {
     floor: FloorText,
-    look: LookText,
+    /// Left out: the twin's own settings.
+    look: Option<LookText>,
 }
 
 #[derive(Deserialize)]
@@ -78,9 +80,10 @@ impl Settings {
     /// A bare floor with these settings. The other renderer's exposure is that of its automatic exposure in the scene's own
     /// light, the twin's refers to [`REFERENCE_LUX`].
     fn scene(&self) -> Scene {
-        let look = &self.look;
+        let floor = Floor { kind: self.floor.kind, ..Floor::default() };
+        let Some(look) = &self.look else { return Scene { floor, ..Scene::default() } };
         Scene {
-            floor: Floor { kind: self.floor.kind, ..Floor::default() },
+            floor,
             light: Light { lux: look.lux, ..Light::default() },
             look: Look {
                 exposure: Some(look.exposure * REFERENCE_LUX / look.lux.max(1.0)),
@@ -139,12 +142,27 @@ pub fn compare(scene: &scene_file::Scene, seed: u64) -> Result<Option<Comparison
     let given = read_frame(&scene.picture, scene.rig.image())?.to_rgb();
     let twin = Twin::new(Arc::new(View::new(&scene.rig)), &settings.scene(), seed)?.render(0, 1.0);
     let width = usize::from(scene.rig.image().width);
-    let of = |rgb: &[u8]| Statistics::of(rgb, width, &scene.lit_rows);
+    let lit = if scene.lit_rows.is_empty() && scene.longest_gap == 0.0 {
+        whole_stripe(&scene.rig)
+    } else {
+        scene.lit_rows.clone()
+    };
+    let of = |rgb: &[u8]| Statistics::of(rgb, width, &lit);
     Ok(of(&given).zip(of(&twin.rgb)).map(|(given, twin)| Comparison {
         name: scene.name.clone(),
         given,
         twin,
     }))
+}
+
+/// Where the whole stripe on the floor appears, every millimetre.
+fn whole_stripe(rig: &Rig) -> Vec<LitPlace> {
+    let stripe = rig.stripe();
+    let places = (stripe.start.ceil() as i64..=stripe.end.floor() as i64).map(|place| place as f64);
+    let pixels = places.filter_map(|place| Some((place, rig.camera().project(stripe.at(place))?)));
+    pixels
+        .map(|(place, pixel)| LitPlace { place: place as f32, column: pixel.u as f32, row: pixel.v as f32 })
+        .collect()
 }
 
 fn settings(path: &Path) -> Result<Settings, CompareError> {

@@ -195,7 +195,7 @@ impl RaisedFinder {
                 ..usize::from(place.end_row).div_ceil(SEGMENT_ROWS);
             let rows = segments.start * SEGMENT_ROWS..segments.end * SEGMENT_ROWS;
             let column = grid.first() + index;
-            self.column.fill(signal, column, rows);
+            let mut is_kept = false;
             let mut last_row = f32::NEG_INFINITY;
             let pitch = pitch(grid, index);
             let least = CANDIDATE_CONTRAST * floor.noise;
@@ -206,6 +206,10 @@ impl RaisedFinder {
                 let ray = geometry.ray_place(map, grid.to_pixels(row as f32));
                 if !self.rays.is_of_interest(ray) && !self.is_continued_by(index, row as f32) {
                     continue;
+                }
+                if !is_kept {
+                    self.column.fill(signal, column, rows.clone());
+                    is_kept = true;
                 }
                 let found = self.column.find_above(signal, column, row, 1, least);
                 let Some(peak) = believed(signal, column, found, widest) else { continue };
