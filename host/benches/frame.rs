@@ -5,37 +5,18 @@
 #![allow(missing_docs, reason = "criterion makes a public function without")]
 #![allow(clippy::unwrap_used, reason = "a benchmark that cannot be set up has nothing to measure")]
 
+mod scenes;
+
+use scenes::{WIDTH, render, scenes};
 use std::hint::black_box;
 use std::sync::Arc;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use nearfield_host::capture::{Frame, FrameView, Pixels, Plane};
+use nearfield_host::capture::{FrameView, Plane};
 use nearfield_host::line_scan::LineScanEncoder;
-use nearfield_host::twin::gallery::{self, CENTRE};
-use nearfield_host::twin::scene::{Floor, FloorKind, Light, Scene};
-use nearfield_host::twin::{Twin, View};
+use nearfield_host::twin::View;
+use nearfield_host::twin::gallery::CENTRE;
 use nearfield_host::vision::{Analyser, Extractor};
-use nearfield_shared::rig::Rig;
-
-/// Columns of the camera's picture.
-const WIDTH: u16 = 2304;
-/// Lux at which the laser is hard to see.
-const BRIGHT_LUX: f64 = 1800.0;
-
-fn scenes() -> [(&'static str, Scene); 3] {
-    let floor = Floor { kind: FloorKind::Wood, paint: Vec::new(), ..Floor::default() };
-    let light = Light { lux: BRIGHT_LUX, ..Light::default() };
-    [
-        ("clean", gallery::scene("clean").unwrap()),
-        ("crowded", gallery::scene("box_75_glossy").unwrap()),
-        ("weak", Scene { floor, light, ..Scene::default() }),
-    ]
-}
-
-fn render(rig: &Rig, view: &Arc<View>, scene: &Scene) -> Frame {
-    let twin = Twin::new(Arc::clone(view), scene, 1).unwrap();
-    Frame::new(rig.image(), Pixels::Rgb(twin.render(0, 1.0).rgb)).unwrap()
-}
 
 /// The bytes of a plane, added up: what merely reading it costs.
 fn sum(plane: &Plane<'_>) -> u64 {
