@@ -8,7 +8,7 @@
 //!
 //! * [`footprint`]: where on the floor is what a box of the picture shows, and how high can it be at most?
 //! * [`track`]: the same thing from picture to picture, while the robot moves.
-//! * [`decide`]: the action table over what lies on the stripe and ahead of it. A total function: whatever is not known is
+//! * [`mod@decide`]: the action table over what lies on the stripe and ahead of it. A total function: whatever is not known is
 //!   the most restrictive.
 //! * [`classes`]: which category of the action table is a detector's class?
 //! * [`claims`]: what the controller is told. It permits nothing by itself, see [`nearfield_shared::run_over`].

@@ -4,7 +4,7 @@
 //! stripe path --Tap (never waits)--> queue --> recorder's thread --> segments NAME-RUN-NNNN.mcap, oldest deleted first
 //! ```
 //!
-//! * **Never in the way:** the stripe's path copies plain values into a queue of fixed length ([`queue`]); what does not fit is
+//! * **Never in the way:** the stripe's path copies plain values into a queue of fixed length ([`mod@queue`]); what does not fit is
 //!   dropped, counted, and told in the recording itself.
 //! * **Bounded:** all recordings together keep to a limit ([`folder`]); the oldest file gives way. A full disk stops the
 //!   recording, which says so and tries again later; nothing else stops.

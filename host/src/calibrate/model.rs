@@ -1,7 +1,7 @@
 //! What a calibration estimates, and what it compares with pixels.
 //!
 //! Everything is in the floor's frame: the plane of the board that lies on the floor is z = board thickness, its
-//! pattern's middle is x = y = 0, z is up. [`super::frame`] turns the result into the rig's world.
+//! pattern's middle is x = y = 0, z is up. [`super::world`] turns the result into the rig's world.
 
 use nalgebra::{Point2, Point3, Rotation3, Vector3};
 use nearfield_shared::camera::{Camera, Intrinsics, Pixel, Pose, Vector};

@@ -7,7 +7,7 @@
 //!         \--> queues of fixed length --> recorder's thread, page's threads
 //! ```
 //!
-//! They meet in [`mailbox::Mailbox`] and [`nearfield_recording::queue`] only, whose writers never wait: a detector that takes
+//! They meet in [`mailbox::Mailbox`] and [`mod@nearfield_recording::queue`] only, whose writers never wait: a detector that takes
 //! ten seconds, a full disk, two hundred visitors of the page delay nothing.
 //!
 //! [`runner`] is the loop, [`supervised`] opens a broken source again, [`outlets`] are those who are told, and [`redecide`] makes

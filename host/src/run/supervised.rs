@@ -82,7 +82,7 @@ impl Supervised {
         self.restarts
     }
 
-    /// The next picture; `drive` as in [`Source::next`]. Never longer than the source's own time-out or a frame period.
+    /// The next picture; `drive` as in [`Source::advance`]. Never longer than the source's own time-out or a frame period.
     pub fn next(&mut self, drive: f32) -> Got<'_> {
         if let Err(error) = self.open_if_due() {
             return Got::Broken(error);

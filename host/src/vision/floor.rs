@@ -3,7 +3,7 @@
 //! The rig says where the stripe on a free floor must appear, so a dim stripe is only asked for at one place, where
 //! little contrast proves it. What counts as enough is measured in the picture itself: the contrast must exceed what
 //! texture and noise reach just beside the stripe. Where the whole stripe is weak, neighbouring columns are averaged,
-//! over less than what a gap may be long ([`pooled`]); and an end of the stripe is where its contrast has fallen to
+//! over less than what a gap may be long (`pooled`); and an end of the stripe is where its contrast has fallen to
 //! half, so that averaging moves none. Where the edge of a paint hides the stripe, the column is explained by both together
 //! ([`super::edge`]).
 

@@ -1,8 +1,8 @@
 //! Where the stripe is gone from the floor: does it appear elsewhere, and where on what object?
 //!
-//! Each ray of the laser hits one thing, the first in its way ([`rays`]). So a stripe off the floor is believed only for
+//! Each ray of the laser hits one thing, the first in its way (`rays`). So a stripe off the floor is believed only for
 //! rays whose place on the floor is dark, and of several candidates for one ray (a reflection in a wet floor, a glare on
-//! a glossy side, texture) only one, that of the longer and stronger line. Candidates must be light ([`light`]) and form
+//! a glossy side, texture) only one, that of the longer and stronger line. Candidates must be light (`light`) and form
 //! a line over several columns; a single bright spot is none. The laser's line ends where the rays reach the floor again:
 //! what goes on there at both ends is a thing that is red itself. And what looks lit between two dark parts of one line
 //! is not the floor's stripe, for that ray ends on the line.

@@ -1,9 +1,9 @@
 //! The stripe in any picture, without a rig: where light of the laser's colour runs through the picture as a thin line.
 //!
 //! Nothing is known of where the stripe may be, how wide it is or how it runs, so it must prove itself by what a sheet
-//! of light always does: it is a ridge that is redder *and* brighter than both sides ([`candidates`]), one for each
+//! of light always does: it is a ridge that is redder *and* brighter than both sides (`candidates`), one for each
 //! column, and it goes on from column to column, with jumps where it climbs onto things and holes where it is hidden
-//! ([`path`]). The picture is searched by columns and by rows, because a stripe may also run down the picture; the
+//! (`path`). The picture is searched by columns and by rows, because a stripe may also run down the picture; the
 //! direction in which more is found counts. All is measured in samples of the picture itself: the contrast against
 //! what texture and noise reach in the same picture, lengths against its size.
 
