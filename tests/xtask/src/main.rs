@@ -194,5 +194,7 @@ fn lint() -> Result<()> {
     Step::cargo(&["clippy", "--workspace", "--all-targets", "--", "--deny", "warnings"]).run()?;
     let firmware = ["clippy", "--package", "nearfield-firmware", "--target", run::FIRMWARE_TARGET];
     Step::cargo(&[&firmware[..], &["--profile", run::FIRMWARE_PROFILE, "--", "--deny", "warnings"]].concat())
-        .run()
+        .run()?;
+    // A link that leads nowhere, or to what readers of the documentation cannot see.
+    Step::cargo(&["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "--deny warnings").run()
 }
