@@ -121,7 +121,7 @@ class Augmentation:
 
     def single(self, index: int) -> Sample:
         """One picture, shrunk with grey around it or enlarged and cropped."""
-        sample = self._prepared(index, 0.5, 2.0)
+        sample = self._prepared(index, 0.6, 1.6)
         rows, columns = sample.picture.shape[:2]
         side = self.side
         canvas = numpy.full((side, side, 3), FILLING, numpy.uint8)
@@ -137,7 +137,7 @@ class Augmentation:
         chosen = [index, *random.integers(len(self.samples), size=3)]
         boxes = []
         for area, choice in zip(areas, chosen):
-            sample = self._prepared(int(choice), 0.45, 1.5)
+            sample = self._prepared(int(choice), 0.5, 1.4)
             rows, columns = sample.picture.shape[:2]
             width, height = area[2] - area[0], area[3] - area[1]
             # Any part of a large picture, any place for a small one.

@@ -9,7 +9,7 @@ import numpy
 import pytest
 import torch
 
-from nearfield_training.backbone import FROZEN_STAGES, LiteBackbone, ScaledConvolution, published_weights
+from nearfield_training.backbone import FROZEN_STAGES, LiteBackbone, ScaledConvolution, SkippingFilter, published_weights
 from nearfield_training.dataset import Augmentation, Sample, paste, resized, turned
 from nearfield_training.export import card, head_layers, write_compact, write_hailo, write_onnx
 from nearfield_training.loss import assign, complete_overlap, detection_loss
@@ -72,8 +72,21 @@ def test_what_is_frozen_keeps_its_weights_and_the_rest_learns():
     detection_loss(network, network(torch.rand(1, 3, 64, 64)), torch.tensor([[0.0, 1, 30, 30, 20, 20]]))[0].backward()
     for name, value in network.named_parameters():
         low = name.startswith(("backbone.stem.", *(f"backbone.stages.{stage}." for stage in range(FROZEN_STAGES))))
-        frozen = low or (name.startswith("backbone.") and ".filter." in name)
+        first = name.startswith(f"backbone.stages.{FROZEN_STAGES}.0.expand.")
+        frozen = low or first or (name.startswith("backbone.") and ".filter." in name)
         assert (value.grad is None) == frozen, name
+
+
+@pytest.mark.parametrize(("rows", "columns", "side"), [(20, 12, 5), (10, 10, 3), (7, 9, 5)])
+def test_the_quick_gradient_of_a_skipping_filter_is_the_gradient(rows, columns, side):
+    x = torch.randn(2, 6, rows, columns, dtype=torch.double, requires_grad=True)
+    kernel, offset = torch.randn(6, 1, side, side, dtype=torch.double), torch.randn(6, dtype=torch.double)
+    usual = torch.nn.functional.conv2d(x, kernel, offset, 2, side // 2, 1, 6)
+    quick = SkippingFilter.apply(x, kernel, offset)
+    assert torch.equal(usual, quick)
+    above = torch.randn_like(usual)
+    (expected,), (found,) = torch.autograd.grad(usual, x, above), torch.autograd.grad(quick, x, above)
+    assert torch.allclose(expected, found, atol=1e-12)
 
 
 def test_an_object_belongs_to_its_cell_and_the_two_nearest_neighbours():
