@@ -37,6 +37,13 @@ pub struct Candidate {
     pub clipped: bool,
 }
 
+impl Candidate {
+    /// Is the core so bright that it looks whiter than its flanks?
+    pub fn is_bleached(&self) -> bool {
+        self.clipped && self.peakedness < 0.0
+    }
+}
+
 /// The candidates of all columns, each column's strongest first.
 #[derive(Debug, Clone)]
 pub struct Candidates {

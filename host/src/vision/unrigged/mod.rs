@@ -169,6 +169,36 @@ mod tests {
     }
 
     #[test]
+    fn the_middle_of_a_bleached_stripe_is_found_between_its_flanks() {
+        // A camera close by: thirty pixels wide, and where the colour's scale ends green goes on rising.
+        let size = ImageSize { width: 400, height: 600 };
+        let offset = |column: f32| 300.0 + 0.1 * (column - 200.0);
+        let mut rgb = Vec::new();
+        for row in 0..600_u16 {
+            for column in 0..400_u16 {
+                let distance = f32::from(row) - offset(f32::from(column));
+                let light = 900.0 * (-distance * distance / 180.0).exp();
+                let grain = f32::from((row * 31 + column * 17 + row * column) % 7);
+                let red = 60.0 + grain + light;
+                let green = 60.0 + grain + (light - 300.0).max(0.0) / 8.0;
+                rgb.extend([red, green, green].map(|value| value.min(255.0) as u8));
+            }
+        }
+        let stripe = find_stripe(&Frame::new(size, Pixels::Rgb(rgb)).unwrap().view()).unwrap();
+        assert!(stripe.points.len() >= 360, "{} of 400 points", stripe.points.len());
+        let worst = farthest(&stripe, offset);
+        assert!(worst < 1.0, "{worst} pixels");
+    }
+
+    #[test]
+    fn a_red_cable_that_hangs_across_a_part_of_the_picture_is_no_stripe() {
+        let hanging = |along: f32| (along < 50.0).then(|| 40.0 + 0.03 * (along - 25.0) * (along - 25.0));
+        assert_eq!(find_stripe(&picture(false, 90.0, true, hanging).view()), None);
+        let whole = |along: f32| Some(20.0 + 0.003 * (along - 10.0) * (along - 10.0));
+        assert!(find_stripe(&picture(false, 90.0, true, whole).view()).is_some());
+    }
+
+    #[test]
     fn neither_texture_nor_paint_nor_a_short_reflex_is_a_stripe() {
         let nothing = picture(false, 0.0, true, |_| None);
         assert_eq!(find_stripe(&nothing.view()), None);

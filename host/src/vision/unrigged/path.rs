@@ -23,10 +23,18 @@ const HOLE: usize = 4;
 const SHORTEST_STRETCH: usize = 6;
 /// ... and this share of the picture.
 const SHORTEST_STRETCH_SHARE: f32 = 0.012;
-/// The stretches together are at least this share of the picture, ...
-const LEAST_COVER: f32 = 0.2;
-/// ... and the longest at least this one.
+/// The longest stretch is at least this share of the picture.
 const LONGEST_STRETCH_SHARE: f32 = 0.06;
+/// A sheet of light meets everything from one side of the picture to the other: the stretches together are most of it, ...
+const MOST_COVER: f32 = 0.65;
+/// ... or at least this share lies on one straight line, which a sheet of light draws on every floor and wall. A red cable
+/// that hangs or lies about is thin, long and as bright in its middle, but short of the picture and bent.
+const STRAIGHT_COVER: f32 = 0.3;
+/// How far a straight line's points may lie from it: this share of the picture (lenses bend lines), but at least so many samples.
+const STRAIGHT_SHARE: f32 = 0.004;
+const STRAIGHT_SAMPLES: f32 = 2.0;
+/// So many points, evenly spread, are tried in pairs for the straight line.
+const STRAIGHT_TRIALS: usize = 24;
 /// A stretch's points lie within this of a smooth line (root of the mean square, samples); texture does not.
 const ROUGHEST: f32 = 1.5;
 /// A line of light is peaked by at least this, in the median of a stretch. A bell of any width has 0.07 to 0.25, paint
@@ -68,8 +76,12 @@ impl Path {
         let mut stretches: Vec<Vec<Point>> = Vec::new();
         for (column, candidate) in chosen.into_iter().enumerate() {
             let Some(candidate) = candidate else { continue };
-            let row = peak::find(signal, column, candidate.row, MEASURE_REACH, true)
-                .map_or(candidate.row as f32, |peak| peak.row);
+            let row = if candidate.is_bleached() {
+                middle_of_bleached(signal, column, &candidate)
+            } else {
+                peak::find(signal, column, candidate.row, MEASURE_REACH, true).map(|peak| peak.row)
+            };
+            let row = row.unwrap_or(candidate.row as f32);
             let point = Point { column, candidate, row };
             match stretches.last_mut().filter(|stretch| continues(stretch, &point)) {
                 Some(stretch) => stretch.push(point),
@@ -83,8 +95,9 @@ impl Path {
         });
         let cover: usize = stretches.iter().map(Vec::len).sum();
         let longest = stretches.iter().map(Vec::len).max().unwrap_or(0);
-        (cover as f32 >= LEAST_COVER * width && longest as f32 >= LONGEST_STRETCH_SHARE * width)
-            .then_some(Self { stretches })
+        let crosses = cover as f32 >= MOST_COVER * width
+            || on_one_line(&stretches, width) as f32 >= STRAIGHT_COVER * width;
+        (crosses && longest as f32 >= LONGEST_STRETCH_SHARE * width).then_some(Self { stretches })
     }
 
     /// What speaks for this line: its significance, summed.
@@ -132,6 +145,29 @@ fn bend(stretch: &[Point], index: usize) -> f32 {
     ((xx * y - x * xy) / spread).abs()
 }
 
+/// The middle between the two places where a ridge with a bleached core rises through half of its flanks' height, samples:
+/// its colour is weaker in the core than beside it, so that a peak would be one of the flanks.
+fn middle_of_bleached<S: Signal>(signal: S, column: usize, candidate: &Candidate) -> Option<f32> {
+    let reach = 2 * candidate.half + 2;
+    let first = candidate.row.checked_sub(reach)?;
+    let last = candidate.row + reach;
+    if last >= signal.rows() {
+        return None;
+    }
+    let value = |row: usize| f32::from(signal.value(column, row));
+    let highest = (first..=last).map(value).fold(f32::MIN, f32::max);
+    let half = (highest + value(first).max(value(last))) / 2.0;
+    // From outside, because the core may be below half again.
+    let crossing = |outer: usize, inner: usize| {
+        let share = (half - value(outer)) / (value(inner) - value(outer));
+        outer as f32 + share * (inner as f32 - outer as f32)
+    };
+    let above = (first..last).find(|row| value(row + 1) >= half).map(|row| crossing(row, row + 1))?;
+    let below =
+        (first + 1..=last).rev().find(|row| value(row - 1) >= half).map(|row| crossing(row, row - 1))?;
+    Some((above + below) / 2.0)
+}
+
 fn continues(stretch: &[Point], point: &Point) -> bool {
     stretch.last().is_some_and(|last| {
         let columns = point.column - last.column;
@@ -150,6 +186,24 @@ fn is_light(stretch: &[Point]) -> bool {
     let middle = peakedness.len() / 2;
     let (_, median, _) = peakedness.select_nth_unstable_by(middle, f32::total_cmp);
     *median >= LEAST_PEAKEDNESS || clipped as f32 >= CLIPPED_SHARE * stretch.len() as f32
+}
+
+/// How many points lie on the straight line with the most of them, in a picture of so many columns.
+fn on_one_line(stretches: &[Vec<Point>], columns: f32) -> usize {
+    let points: Vec<(f32, f32)> =
+        stretches.iter().flatten().map(|point| (point.column as f32, point.row)).collect();
+    let near = STRAIGHT_SAMPLES.max(STRAIGHT_SHARE * columns);
+    let pillars: Vec<(f32, f32)> =
+        points.iter().step_by(points.len() / STRAIGHT_TRIALS + 1).copied().collect();
+    let mut most = 0;
+    for (index, (column, row)) in pillars.iter().enumerate() {
+        for (other_column, other_row) in &pillars[index + 1..] {
+            let slope = (other_row - row) / (other_column - column);
+            let lies_on = |point: &&(f32, f32)| (point.1 - row - slope * (point.0 - column)).abs() <= near;
+            most = most.max(points.iter().filter(lies_on).count());
+        }
+    }
+    most
 }
 
 /// Root mean square of each point's distance from the middle of its neighbours.
@@ -233,6 +287,19 @@ mod tests {
         rows[10] += 1.0;
         let unsure = confidence(bend(&stretch(&rows), 10));
         assert!((0.4..0.65).contains(&unsure), "one and a half: {unsure}");
+    }
+
+    #[test]
+    fn points_on_one_line_are_counted_over_jumps_and_not_along_a_bend() {
+        let straight: Vec<f32> = (0..300).map(|column| 40.0 + 0.2 * column as f32).collect();
+        let mut raised = straight.clone();
+        raised[100..150].iter_mut().for_each(|row| *row += 30.0);
+        assert_eq!(on_one_line(&[stretch(&straight)], 300.0), 300);
+        assert_eq!(on_one_line(&[stretch(&raised)], 300.0), 250);
+        let hanging: Vec<f32> = (0..300).map(|column| 0.004 * (column as f32 - 150.0).powi(2)).collect();
+        let most = on_one_line(&[stretch(&hanging)], 300.0);
+        assert!(most < 90, "{most} of 300 points of a bend lie on one line");
+        assert_eq!(on_one_line(&[], 300.0), 0);
     }
 
     #[test]
