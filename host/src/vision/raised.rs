@@ -31,6 +31,10 @@ const LINE_CONTRAST: f32 = 6.0;
 const LINE_STEP: f32 = 4.0;
 /// ... and miss this many columns.
 const LINE_HOLES: usize = 3;
+/// Samples in which the next candidate of a line may lie: up and down by a step a column, in each column that a hole leaves.
+const CONTINUING_SAMPLES: f32 = LINE_STEP * ((LINE_HOLES + 1) * (LINE_HOLES + 2)) as f32;
+/// Lines that chance may make of other candidates in a whole picture.
+const CHANCE_LINES: f32 = 0.05;
 /// Two seeds of one column that lead within this many samples of each other have found the same stripe.
 const SAME_CREST: f32 = 3.0;
 /// A stripe that is not clipped is at most so many times as wide as the floor's usually is: things that are red
@@ -88,6 +92,10 @@ pub struct RaisedFinder {
     /// Runs of columns that can see a dark ray end.
     watching: Vec<std::ops::Range<usize>>,
     points: Vec<RaisedPoint>,
+    /// The points' contrasts, in order.
+    contrasts: Vec<f32>,
+    /// Samples that were searched for candidates: those of the segments whose strongest one was looked at.
+    searched: usize,
     lines: Vec<Line>,
     order: Vec<u32>,
     open: Vec<u32>,
@@ -104,6 +112,8 @@ impl RaisedFinder {
             sights: (0..grid.columns().len()).map(|index| sight(grid, geometry, index)).collect(),
             watching: Vec::with_capacity(grid.columns().len()),
             points: Vec::with_capacity(MOST_CANDIDATES),
+            contrasts: Vec::with_capacity(MOST_CANDIDATES),
+            searched: 0,
             lines: Vec::with_capacity(MOST_CANDIDATES),
             order: Vec::with_capacity(MOST_CANDIDATES),
             open: Vec::with_capacity(OPEN_LINES),
@@ -183,6 +193,7 @@ impl RaisedFinder {
         let widest = WIDEST_SHARE * floor.usual().width;
         let width = grid.columns().len();
         self.open.clear();
+        self.searched = 0;
         for (index, (place, floor)) in grid.columns().iter().zip(floor.columns()).enumerate() {
             let lines = &self.lines;
             self.open.retain(|line| lines[*line as usize].last_column + LINE_HOLES + 1 >= index);
@@ -207,6 +218,7 @@ impl RaisedFinder {
                 if !self.rays.is_of_interest(ray) && !self.is_continued_by(index, row as f32) {
                     continue;
                 }
+                self.searched += SEGMENT_ROWS;
                 if !is_kept {
                     self.column.fill(signal, column, rows.clone());
                     is_kept = true;
@@ -302,8 +314,18 @@ impl RaisedFinder {
     /// Gives each ray to the strongest line that claims it; lines whose rays are mostly taken are reflections.
     fn choose(&mut self) {
         let lines = &mut self.lines;
+        self.contrasts.clear();
+        self.contrasts.extend(self.points.iter().map(|point| point.contrast));
+        self.contrasts.sort_unstable_by(f32::total_cmp);
+        let (contrasts, searched) = (&self.contrasts, self.searched as f32);
+        let by_chance = |line: &Line| {
+            let mean = line.contrast / line.columns as f32;
+            let as_strong = contrasts.len() - contrasts.partition_point(|contrast| *contrast < mean);
+            is_by_chance(line.columns, as_strong, searched)
+        };
         self.order.clear();
-        self.order.extend(lines.iter().filter(|line| line.is_believable()).map(|line| line.number));
+        let believed = lines.iter().filter(|line| line.is_believable() && !by_chance(line));
+        self.order.extend(believed.map(|line| line.number));
         self.order.sort_unstable_by(|one, other| {
             let strength = |number: &u32| lines[*number as usize].contrast;
             strength(other).total_cmp(&strength(one)).then(one.cmp(other))
@@ -424,9 +446,38 @@ impl Line {
     }
 }
 
+/// Would candidates that lie about by chance, as many as there are of this strength, make such a line somewhere? Noise and
+/// texture make many candidates, and where there are many some stand in a row; the stripe on a thing stands out from them.
+fn is_by_chance(columns: u32, as_strong: usize, searched: f32) -> bool {
+    // Half of a line's own points are as strong as their mean.
+    let others = as_strong as f32 - columns as f32 / 2.0;
+    if others <= 0.0 {
+        return false;
+    }
+    // Each of them begins a line that has so many points if each point has the next one within reach.
+    let next = CONTINUING_SAMPLES * others / searched.max(1.0);
+    others * next.powi(columns.saturating_sub(1) as i32) > CHANCE_LINES
+}
+
 /// A line's points from the first dark ray to the last.
 fn without_ends(points: &[RaisedPoint]) -> &[RaisedPoint] {
     let first = points.iter().position(|point| !point.beside);
     let last = points.iter().rposition(|point| !point.beside);
     first.zip(last).and_then(|(first, last)| points.get(first..=last)).unwrap_or(&[])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_believed_as_long_as_others_of_its_strength_would_not_make_it_by_chance() {
+        let searched = 20_000.0;
+        assert!(!is_by_chance(3, 3, searched), "alone");
+        assert!(!is_by_chance(3, 9, searched), "a few others");
+        assert!(is_by_chance(3, 60, searched), "three in a row among many");
+        assert!(!is_by_chance(12, 60, searched), "twelve in a row");
+        assert!(is_by_chance(12, 400, searched), "noise everywhere");
+        assert!(!is_by_chance(3, 0, 0.0), "nothing searched");
+    }
 }
