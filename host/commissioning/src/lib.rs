@@ -1,4 +1,5 @@
-//! The protocol of a commissioning, for people to read, print and sign: Markdown, and HTML that needs nothing else.
+//! A commissioning: the trials on the floor ([`Walk`] is told what is seen, and says what a person is to do next), and the protocol
+//! for people to read, print and sign: Markdown, and HTML that needs nothing else.
 //!
 //! ```
 //! use nearfield_commissioning::{Check, Protocol, Section};
@@ -11,6 +12,12 @@
 //! };
 //! assert!(protocol.is_passed() && protocol.markdown().contains("Rod at 0 mm"));
 //! ```
+
+mod trial;
+mod walk;
+
+pub use trial::{FROM_END_MM, LAID_WITHIN_MM, PIECE_MM, STILL, Trial};
+pub use walk::{Ask, Observation, Walk};
 
 use std::fmt::Write as _;
 

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use toml::Table;
 
+use crate::interfaces::{self, Fleet, Ros2};
 use crate::reader::{Problem, Problems, Section};
 use crate::sections::{
     self, Camera, Detector, Field, Module, Page, Profile, RealTime, Recording, Robot, SpeedCase, SpeedInput,
@@ -29,6 +30,10 @@ pub struct Configuration {
     pub recording: Recording,
     /// The operator's page.
     pub page: Page,
+    /// What ROS 2 is told.
+    pub ros2: Ros2,
+    /// The robot and the fleet that the module belongs to.
+    pub fleet: Fleet,
     /// What is asked of the operating system.
     pub real_time: RealTime,
     /// The robot.
@@ -133,15 +138,18 @@ impl Configuration {
         if cases.last().is_some_and(|case| case.up_to_mm_s < robot.speed_mm_s) {
             root.object("case", format!("no case covers the robot's speed of {} mm/s", robot.speed_mm_s));
         }
+        let module = sections::module(&root.section("module"));
         let configuration = Self {
             rig,
             profile,
-            module: sections::module(&root.section("module")),
             camera: sections::camera(&root.section("camera")),
             link: sections::link(&root.section("link")),
             detector: sections::detector(&root.section("detector")),
             recording: sections::recording(&root.section("recording")),
             page: sections::page(&root.section("page")),
+            ros2: interfaces::ros2(&root.section("ros2"), &module),
+            fleet: interfaces::fleet(&root.section("fleet")),
+            module,
             real_time: sections::real_time(&root.section("real_time")),
             robot,
             zones,
@@ -256,6 +264,46 @@ mod tests {
         ] {
             assert_eq!(read(text).is_ok(), sound, "{text}");
         }
+    }
+
+    #[test]
+    fn ros_names_follow_the_module_and_are_checked() {
+        let ros2 = read("[module]\nname = \"rear_left\"").unwrap().ros2;
+        assert_eq!(
+            (ros2.namespace.as_str(), ros2.frame_id.as_str()),
+            ("/nearfield/rear_left", "nearfield_rear_left")
+        );
+        assert!(!ros2.publish, "nothing is told on a network unless it is asked for");
+        for (namespace, sound) in [
+            ("/a", true),
+            ("/a/b_2", true),
+            ("a", false),
+            ("/", false),
+            ("/a/", false),
+            ("/2", false),
+            ("/a__b", false),
+        ] {
+            assert_eq!(read(&format!("[ros2]\nnamespace = \"{namespace}\"")).is_ok(), sound, "{namespace}");
+        }
+        assert_eq!(
+            problems("[ros2]\ndomain = 233\nnetworks = [\"here\", \"::1\"]\nstamp = \"late\""),
+            [
+                "ros2.domain: must be a whole number from 0 to 232",
+                "ros2.networks: \"here\" is no address, for instance \"192.168.1.20\"",
+                "ros2.stamp: must be one of \"exposure\", \"sending\"",
+            ]
+        );
+    }
+
+    #[test]
+    fn names_in_a_fleet_are_checked() {
+        assert_eq!(read("").unwrap().fleet.carrier, crate::FleetCarrier::None);
+        let sound = "[fleet]\nrobot = \"amr-17\"\nmodules = [\"front\", \"rear.2\"]\ncarrier = \"udp\"";
+        assert_eq!(read(sound).unwrap().fleet.modules, ["front", "rear.2"]);
+        let found =
+            problems("[fleet]\nrobot = \"a/b\"\nmodules = [\"\"]\nto = \"there\"\ncarrier = \"mail\"");
+        let fields: Vec<_> = found.iter().map(|problem| problem.split(": ").next().unwrap()).collect();
+        assert_eq!(fields, ["fleet.carrier", "fleet.to", "fleet.robot", "fleet.modules"]);
     }
 
     #[test]

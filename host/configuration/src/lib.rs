@@ -7,10 +7,12 @@
 
 pub mod budget;
 mod file;
+mod interfaces;
 mod reader;
 mod sections;
 
 pub use file::{Configuration, ConfigurationError};
+pub use interfaces::{Fleet, FleetCarrier, Ros2, Ros2Stamp};
 pub use reader::Problem;
 pub use sections::{
     Camera, Detector, Field, LinkKind, Module, Page, Profile, RealTime, Recording, Robot, Source, SpeedCase,

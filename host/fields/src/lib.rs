@@ -16,9 +16,15 @@
 //! * Cases say which zones are which field up to which speed. Where the speed is not known, is too old, or is greater than every
 //!   case's, **all cases are in force together**: ignorance is never less strict than knowledge.
 
+use nearfield_shared::causes::StopCause;
+
 mod fields;
 pub mod speed;
 
 pub use fields::{
     Evidence, Fields, Finding, Report, Role, Stretch, ZONES, ZoneState, ZonesError, more_careful,
 };
+
+/// Causes that are what the sensor is for: something is there. All others tell of the sensor itself, its mounting or its host.
+pub const FIELD_CAUSES: [StopCause; 4] =
+    [StopCause::StripeCut, StopCause::LargeObject, StopCause::Drop, StopCause::HostRequest];

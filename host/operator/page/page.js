@@ -102,6 +102,8 @@ function showProfile(profile, status) {
   });
   const all = profile.height_mm.map((height, index) => (height === null ? null : [x(profile.place_mm[index]), y(height)]));
   parts.push(shape("path", { class: "trace", d: path(all) }));
+  const asked = window.commission?.place ?? null;
+  if (asked !== null) parts.push(shape("path", { class: "asked", d: `M${x(asked)} 0V240` }));
   const raised = all.map((point, index) => (point && Math.abs(profile.height_mm[index]) > 3 ? point : null));
   parts.push(shape("path", { class: "raised", d: path(raised) }));
   picture.replaceChildren(...parts);

@@ -1,7 +1,7 @@
 //! From events to what is shown: the model's thread.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use nearfield_fields::Report;
@@ -16,109 +16,15 @@ use nearfield_shared::linescan::LineScan;
 use nearfield_shared::rig::Rig;
 use nearfield_shared::status::{Status, Warnings};
 use nearfield_shared::units::Micros;
-use serde::Serialize;
 
+use crate::board::{Board, Published};
+use crate::commission::{Desk, Order, Plan};
 use crate::metrics::{Histogram, Metrics};
 use crate::tally::Tally;
 use crate::view::{
     Counts, Latency, Live, Named, Object, PictureView, Profile, Recording, Status as StatusView, Stop,
     ZoneNow,
 };
-
-/// A part of the response time.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Part {
-    /// What takes the time.
-    pub name: String,
-    /// In the middle, milliseconds.
-    pub typical_ms: f64,
-    /// At most, milliseconds.
-    pub worst_ms: f64,
-}
-
-/// The smallest object that trips at a place.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Smallest {
-    /// Along the stripe, millimetres.
-    pub place_mm: f64,
-    /// Width, millimetres; none = nothing is surely seen here.
-    pub width_mm: Option<f64>,
-}
-
-/// A named stretch of the stripe.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ZoneView {
-    /// A to H.
-    pub name: String,
-    /// First place, millimetres.
-    pub start_mm: f64,
-    /// Last place, millimetres.
-    pub end_mm: f64,
-    /// `protective` or `warning`.
-    pub field: &'static str,
-}
-
-/// What does not change while the program runs.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
-pub struct About {
-    /// The module's name.
-    pub module: String,
-    /// The program's version.
-    pub version: String,
-    /// Ends of the watched stripe, millimetres.
-    pub stripe_mm: [f64; 2],
-    /// The response time, part by part.
-    pub response: Vec<Part>,
-    /// The vote over several pictures adds this for narrow things, milliseconds.
-    pub vote_ms: f64,
-    /// At most, for narrow things, milliseconds.
-    pub response_worst_ms: f64,
-    /// Where the stripe must lie at least, millimetres before the robot.
-    pub stopping_distance_mm: f64,
-    /// Where it lies.
-    pub distance_mm: f64,
-    /// The speed that this permits, mm/s.
-    pub permitted_speed_mm_s: f64,
-    /// The smallest object at each place.
-    pub capability: Vec<Smallest>,
-    /// Named stretches.
-    pub zones: Vec<ZoneView>,
-    /// How many cases there are.
-    pub cases: usize,
-    /// Does somebody hold a token for remarks?
-    pub takes_remarks: bool,
-}
-
-/// What the server hands out, as bytes: nothing is computed for a client.
-#[derive(Debug, Default)]
-pub struct Published {
-    /// `/api/live`.
-    pub live: Vec<u8>,
-    /// `/api/status`.
-    pub status: Vec<u8>,
-    /// `/api/vda5050`.
-    pub vda5050: Vec<u8>,
-    /// `/metrics`.
-    pub metrics: Vec<u8>,
-    /// `/picture.jpg`.
-    pub picture: Option<Arc<Picture>>,
-}
-
-/// The newest publication, between the model's thread and the server's.
-#[derive(Debug, Clone, Default)]
-pub struct Board(Arc<Mutex<Arc<Published>>>);
-
-impl Board {
-    /// The newest.
-    #[must_use]
-    pub fn newest(&self) -> Arc<Published> {
-        Arc::clone(&self.0.lock().unwrap_or_else(PoisonError::into_inner))
-    }
-
-    fn publish(&self, published: Published) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Arc::new(published);
-    }
-}
 
 /// What the page shows as "nothing heard" when the newest status is older.
 const STALE: Duration = Duration::from_secs(1);
@@ -152,6 +58,9 @@ pub struct Model {
     picture_number: u64,
     detections: Option<Arc<Detections>>,
     missed: u64,
+    desk: Option<Desk>,
+    /// Did a line-scan come since the last decision?
+    is_fresh: bool,
 }
 
 impl Model {
@@ -193,6 +102,8 @@ impl Model {
             picture_number: 0,
             detections: None,
             missed: 0,
+            desk: None,
+            is_fresh: false,
         })
     }
 
@@ -200,6 +111,20 @@ impl Model {
     #[must_use]
     pub fn without_heights(self) -> Self {
         Self { tells_heights: false, ..self }
+    }
+
+    /// With a commissioning that may be begun.
+    #[must_use]
+    pub fn with_commissioning(self, plan: Plan) -> Self {
+        Self { desk: Some(Desk::new(plan)), ..self }
+    }
+
+    /// Obeys who knows the token.
+    pub fn order(&mut self, order: Order) {
+        let stored = self.fresh_status().and_then(|status| status.calibration);
+        if let Some(desk) = &mut self.desk {
+            desk.order(order, stored);
+        }
     }
 
     /// Events that the queue had no room for so far.
@@ -220,6 +145,7 @@ impl Model {
                 {
                     self.scan.clear();
                     self.scan.extend(scan.columns().map(|column| column.row.to_pixels()));
+                    self.is_fresh = true;
                 }
             }
             Event::Decision(decision) => self.decision(&decision),
@@ -233,6 +159,10 @@ impl Model {
     }
 
     fn decision(&mut self, decision: &Decision) {
+        let rows = std::mem::take(&mut self.is_fresh).then_some(&self.scan[..]);
+        if let Some(desk) = &mut self.desk {
+            desk.watch(decision, self.now, &self.geometry, rows);
+        }
         let latency = decision.latency.as_secs_f64() * 1e3;
         self.histogram.add(latency);
         if self.latencies.len() == KEPT_LATENCIES {
@@ -288,7 +218,11 @@ impl Model {
             stops: &self.stops_by_cause,
             missed: self.missed,
         };
+        let view = self.desk.as_ref().map(|desk| bytes(serde_json::to_vec(&desk.view())));
+        let protocol = self.desk.as_ref().and_then(Desk::protocol);
         board.publish(Published {
+            commission: view.unwrap_or_default(),
+            protocol: protocol.map(|protocol| protocol.html().into_bytes()).unwrap_or_default(),
             status: bytes(serde_json::to_vec(&live.status)),
             vda5050: bytes(serde_json::to_vec(&crate::vda5050::payload(&live.status))),
             metrics: metrics.text().into_bytes(),

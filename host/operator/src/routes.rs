@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::mpsc::SyncSender;
 
 use axum::Router;
 use axum::body::{Body, Bytes};
@@ -17,7 +18,8 @@ use nearfield_shared::units::Micros;
 use subtle::ConstantTimeEq as _;
 use tokio_util::io::ReaderStream;
 
-use crate::model::Board;
+use crate::board::Board;
+use crate::commission::Order;
 
 /// What every request sees.
 pub struct Shared {
@@ -31,6 +33,8 @@ pub struct Shared {
     pub token: Option<String>,
     /// Where remarks go.
     pub remarks: Option<Tap>,
+    /// Where orders for a commissioning go.
+    pub orders: SyncSender<Order>,
     /// The host's clock.
     pub clock: Box<dyn Fn() -> Micros + Send + Sync>,
 }
@@ -38,6 +42,7 @@ pub struct Shared {
 type Known = State<Arc<Shared>>;
 
 const HTML: &str = "text/html; charset=utf-8";
+const SCRIPT: &str = "text/javascript; charset=utf-8";
 const JSON: &str = "application/json";
 /// Bytes and characters of a remark.
 const LARGEST_REMARK: usize = 1024;
@@ -47,17 +52,25 @@ const LONGEST_REMARK: usize = 200;
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; \
                       connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
+/// The protocol carries its own style, so that a saved copy prints the same, and nothing else.
+const POLICY_OF_PROTOCOL: &str = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
 /// The routes.
 pub fn routes(shared: Arc<Shared>) -> Router {
     Router::new()
         .route("/", get(|| file(HTML, include_bytes!("../page/index.html"))))
         .route("/page.css", get(|| file("text/css; charset=utf-8", include_bytes!("../page/page.css"))))
-        .route("/page.js", get(|| file("text/javascript; charset=utf-8", include_bytes!("../page/page.js"))))
+        .route("/page.js", get(|| file(SCRIPT, include_bytes!("../page/page.js"))))
         .route("/favicon.svg", get(|| file("image/svg+xml", include_bytes!("../page/favicon.svg"))))
         .route("/api/live", get(live))
         .route("/api/status", get(status))
         .route("/api/about", get(about))
         .route("/api/vda5050", get(vda5050))
+        .route("/commission.js", get(|| file(SCRIPT, include_bytes!("../page/commission.js"))))
+        .route("/api/commission", get(commission))
+        .route("/api/commission/begin", post(begin))
+        .route("/api/commission/end", post(end))
+        .route("/commission.html", get(protocol))
         .route("/api/mark", post(mark))
         .route("/metrics", get(metrics))
         .route("/picture.jpg", get(picture))
@@ -77,7 +90,7 @@ async fn with_headers(mut response: Response) -> Response {
         (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
     ];
     for (name, value) in fixed {
-        headers.insert(name, HeaderValue::from_static(value));
+        headers.entry(name).or_insert(HeaderValue::from_static(value));
     }
     response
 }
@@ -109,6 +122,52 @@ async fn vda5050(State(shared): Known) -> Response {
     typed(JSON, shared.board.newest().vda5050.clone())
 }
 
+async fn commission(State(shared): Known) -> Response {
+    typed(JSON, shared.board.newest().commission.clone())
+}
+
+async fn protocol(State(shared): Known) -> Response {
+    let protocol = shared.board.newest().protocol.clone();
+    if protocol.is_empty() {
+        return (StatusCode::NOT_FOUND, "nobody has begun a commissioning").into_response();
+    }
+    let headers = [(header::CONTENT_TYPE, HTML), (header::CONTENT_SECURITY_POLICY, POLICY_OF_PROTOCOL)];
+    (headers, protocol).into_response()
+}
+
+async fn begin(State(shared): Known, headers: HeaderMap, body: Bytes) -> Response {
+    match remark(&body) {
+        Some(person) => order(&shared, &headers, Order::Begin(person)),
+        None => order_refused(&shared, &headers),
+    }
+}
+
+async fn end(State(shared): Known, headers: HeaderMap) -> Response {
+    order(&shared, &headers, Order::End)
+}
+
+/// For those who know the token. The answer to everybody else tells nothing.
+fn order(shared: &Shared, headers: &HeaderMap, order: Order) -> Response {
+    if !is_authorised(shared.token.as_deref(), headers) {
+        return unauthorised("a commissioning needs the token");
+    }
+    match shared.orders.try_send(order) {
+        Ok(()) => StatusCode::NO_CONTENT.into_response(),
+        Err(_) => (StatusCode::SERVICE_UNAVAILABLE, "busy; try again").into_response(),
+    }
+}
+
+fn order_refused(shared: &Shared, headers: &HeaderMap) -> Response {
+    if !is_authorised(shared.token.as_deref(), headers) {
+        return unauthorised("a commissioning needs the token");
+    }
+    (StatusCode::BAD_REQUEST, "a name is 1 to 200 characters of text").into_response()
+}
+
+fn unauthorised(words: &'static str) -> Response {
+    (StatusCode::UNAUTHORIZED, [(header::WWW_AUTHENTICATE, "Bearer")], words).into_response()
+}
+
 async fn metrics(State(shared): Known) -> Response {
     typed("text/plain; version=0.0.4; charset=utf-8", shared.board.newest().metrics.clone())
 }
@@ -137,8 +196,7 @@ async fn recording(State(shared): Known, Path(name): Path<String>) -> Response {
 /// A remark, for those who know the token. The answer to everybody else tells nothing.
 async fn mark(State(shared): Known, headers: HeaderMap, body: Bytes) -> Response {
     if !is_authorised(shared.token.as_deref(), &headers) {
-        let challenge = [(header::WWW_AUTHENTICATE, "Bearer")];
-        return (StatusCode::UNAUTHORIZED, challenge, "a remark needs the token").into_response();
+        return unauthorised("a remark needs the token");
     }
     let Some(remarks) = &shared.remarks else {
         return (StatusCode::CONFLICT, "nothing is being recorded; set recording.directory").into_response();

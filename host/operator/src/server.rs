@@ -4,6 +4,7 @@ use std::net::{SocketAddr, TcpListener};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -12,8 +13,11 @@ use nearfield_recording::{Drain, Tap};
 use nearfield_shared::units::Micros;
 use tokio::sync::Notify;
 
+use crate::about::About;
+use crate::board::Board;
+use crate::commission::Order;
 use crate::connections::serve;
-use crate::model::{About, Board, Model};
+use crate::model::Model;
 use crate::routes::{Shared, routes};
 
 /// What the page needs to know.
@@ -73,6 +77,8 @@ pub struct Page {
     threads: Vec<JoinHandle<()>>,
 }
 
+/// Orders that wait for the model's thread at most.
+const MOST_ORDERS: usize = 4;
 /// The queue is looked at so often.
 const POLL_INTERVAL: Duration = Duration::from_millis(10);
 /// What is shown is made anew so often.
@@ -89,13 +95,19 @@ impl Page {
         let listener = TcpListener::bind(address).map_err(|source| PageError::Listen { address, source })?;
         let address = listener.local_addr()?;
         let board = Board::default();
-        let about = About { takes_remarks: token.is_some() && settings.remarks.is_some(), ..settings.about };
+        let (orders, ordered) = sync_channel(MOST_ORDERS);
+        let about = About {
+            takes_remarks: token.is_some() && settings.remarks.is_some(),
+            takes_orders: token.is_some(),
+            ..settings.about
+        };
         let shared = Shared {
             board: board.clone(),
             about: serde_json::to_vec(&about).map_err(std::io::Error::from)?,
             recordings: settings.recordings,
             token,
             remarks: settings.remarks,
+            orders,
             clock: settings.clock,
         };
         let (end, ending) = (Arc::new(Notify::new()), Arc::new(AtomicBool::new(false)));
@@ -111,7 +123,7 @@ impl Page {
         })?;
         let model = std::thread::Builder::new().name("page model".to_owned()).spawn(move || {
             step_back();
-            keep_up(model, &drain, &board, &of_model);
+            keep_up(model, &drain, &ordered, &board, &of_model);
         })?;
         Ok(Self { address, end, ending, threads: vec![server, model] })
     }
@@ -147,7 +159,7 @@ fn read_token(path: PathBuf) -> Result<String, PageError> {
     }
 }
 
-fn keep_up(mut model: Model, drain: &Drain, board: &Board, ending: &AtomicBool) {
+fn keep_up(mut model: Model, drain: &Drain, ordered: &Receiver<Order>, board: &Board, ending: &AtomicBool) {
     let mut published: Option<Instant> = None;
     while !ending.load(Ordering::Relaxed) {
         loop {
@@ -157,6 +169,9 @@ fn keep_up(mut model: Model, drain: &Drain, board: &Board, ending: &AtomicBool) 
                 // The last view stays up until the page is ended.
                 Next::Ended => break,
             }
+        }
+        for order in ordered.try_iter() {
+            model.order(order);
         }
         if published.is_none_or(|at| at.elapsed() >= PUBLISH_INTERVAL) {
             published = Some(Instant::now());

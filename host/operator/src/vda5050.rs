@@ -1,6 +1,7 @@
 //! The sensor's share of a VDA 5050 state message (version 2.1): `safetyState` and `errors`, for a vehicle's controller to
 //! merge into its own.
 
+use nearfield_fields::FIELD_CAUSES;
 use nearfield_shared::causes::StopCause;
 use serde::Serialize;
 
@@ -50,10 +51,6 @@ pub struct Reference {
     pub reference_value: String,
 }
 
-/// Causes that are what the sensor is for: something is there.
-const FIELD: [StopCause; 4] =
-    [StopCause::StripeCut, StopCause::LargeObject, StopCause::Drop, StopCause::HostRequest];
-
 /// Causes that need a person with tools.
 const FATAL: [StopCause; 8] = [
     StopCause::Feedback,
@@ -81,7 +78,7 @@ pub fn payload(status: &Status) -> Payload {
     let mut errors: Vec<Error> = status
         .live
         .iter()
-        .filter(|cause| !among(&FIELD, cause.name) && cause.name != StopCause::Interlock.name())
+        .filter(|cause| !among(&FIELD_CAUSES, cause.name) && cause.name != StopCause::Interlock.name())
         .map(|cause| {
             let level = if among(&FATAL, cause.name) { "FATAL" } else { "WARNING" };
             error(cause.name, cause.words, level)
@@ -108,7 +105,7 @@ pub fn payload(status: &Status) -> Payload {
     Payload {
         safety_state: SafetyState {
             e_stop: if status.relay == "closed" { "NONE" } else { "MANUAL" },
-            field_violation: status.live.iter().any(|cause| among(&FIELD, cause.name)),
+            field_violation: status.live.iter().any(|cause| among(&FIELD_CAUSES, cause.name)),
         },
         errors,
     }

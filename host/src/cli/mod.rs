@@ -21,6 +21,7 @@ pub mod demo;
 pub mod doctor;
 pub mod evaluate_scenes;
 pub mod extract;
+pub mod fleet;
 pub mod inspect;
 pub mod mcu;
 pub mod paper;
@@ -65,6 +66,7 @@ enum Command {
     Evaluate(evaluate::Evaluate),
     Inspect(inspect::Inspect),
     Extract(extract::Extract),
+    Fleet(fleet::Fleet),
     Replay(replay::Replay),
     Rig(rig::RigArguments),
     Run(run::Run),
@@ -95,6 +97,7 @@ impl CommandLine {
             Command::Evaluate(evaluate) => evaluate.run(),
             Command::Inspect(inspect) => inspect.run(),
             Command::Extract(extract) => extract.run(),
+            Command::Fleet(fleet) => fleet.run(),
             Command::Replay(replay) => replay.run(),
             Command::Rig(rig) => rig.run(),
             Command::Run(run) => run.run(),

@@ -11,6 +11,7 @@ use nearfield_configuration::{Camera, Configuration, LinkKind, Profile, Source a
 use nearfield_fields::Fields;
 use nearfield_fields::speed::SpeedListener;
 use nearfield_machine::real_time;
+use nearfield_operator::commission::{Hands, HandsAsked};
 use nearfield_recording::Taps;
 use nearfield_shared::rig::{ImageSize, Rig};
 use nearfield_shared::status::StateCode;
@@ -124,7 +125,9 @@ impl Run {
         for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
             signal_hook::flag::register(signal, Arc::clone(&stop)).context("cannot watch for signals")?;
         }
-        let source = open_source(&configuration, &rig)?;
+        // A simulated sensor has simulated hands.
+        let hands = (configuration.link.kind != LinkKind::Spi).then(Hands::default);
+        let source = open_source(&configuration, &rig, hands.clone())?;
         let record = recording_folder(self.record.as_deref(), &configuration);
         let about = outlets::Run {
             configuration: &configuration,
@@ -132,6 +135,7 @@ impl Run {
             rig: &rig,
             record: record.as_deref(),
             page: !self.no_page,
+            hands: hands.clone(),
         };
         let (mut outlets, said) = Outlets::start(&about)?;
         for warning in said {
@@ -140,7 +144,7 @@ impl Run {
         if let Some(address) = outlets.page_address().filter(|_| !self.json) {
             say!("the page: http://{address}");
         }
-        let work = Work { options: self, configuration: &configuration, rig: &rig, stop: &stop };
+        let work = Work { options: self, configuration: &configuration, rig: &rig, stop: &stop, hands };
         let latency_ms = match configuration.link.kind {
             LinkKind::InProcess => work.simulated(McuChoice::InProcess, source, &mut outlets),
             LinkKind::Emulated => work.simulated(McuChoice::Emulated, source, &mut outlets),
@@ -221,6 +225,7 @@ struct Work<'a> {
     configuration: &'a Configuration,
     rig: &'a Rig,
     stop: &'a AtomicBool,
+    hands: Option<Hands>,
 }
 
 impl Work<'_> {
@@ -237,9 +242,12 @@ impl Work<'_> {
         let pace = (!self.options.fast).then(|| Duration::from_secs_f64(period / 1e6));
         let mut pressed = Micros::ZERO;
         let path = self.path(session, outlets)?;
+        let hands = self.hands.clone().unwrap_or_default();
         self.go(path, source, outlets, pace, move |session, exposed, exposure| {
+            let may_press = matches!(hands.asked(), HandsAsked::Nothing | HandsAsked::Press);
             // Pressed, released, and time for the controller to arm before it is tried again.
-            if session.status().state == StateCode::Interlocked
+            if may_press
+                && session.status().state == StateCode::Interlocked
                 && session.now().since(pressed) >= PRESS_INTERVAL
             {
                 pressed = session.now();
@@ -310,19 +318,27 @@ pub(super) fn board(configuration: &Configuration, rig: &Rig) -> Board<crate::li
     Board::new(Box::new(open), SourceId::new(configuration.module.source), rig.calibration_id())
 }
 
-pub(super) fn open_source(configuration: &Configuration, rig: &Rig) -> anyhow::Result<Supervised> {
+pub(super) fn open_source(
+    configuration: &Configuration,
+    rig: &Rig,
+    hands: Option<Hands>,
+) -> anyhow::Result<Supervised> {
     let period = Duration::from_secs_f64(1.0 / configuration.camera.frames_per_second);
     let (camera, rig) = (configuration.camera.clone(), *rig);
-    Supervised::open(elsewhere(Box::new(move || open(&camera, &rig)))?, period)
+    Supervised::open(elsewhere(Box::new(move || open(&camera, &rig, hands.clone())))?, period)
 }
 
-fn open(camera: &Camera, rig: &Rig) -> anyhow::Result<Box<dyn Source>> {
+fn open(camera: &Camera, rig: &Rig, hands: Option<Hands>) -> anyhow::Result<Box<dyn Source>> {
     let input = camera.input.as_deref();
     let size = ImageSize { width: rig.image().width, height: rig.image().height };
     Ok(match camera.source {
         SourceKind::Twin => {
             let scene = load_scene(input.unwrap_or("clean"), rig)?;
-            Box::new(TwinSource::new(rig, &scene, 1)?.moving(&scene, camera.frames_per_second))
+            let twin = TwinSource::new(rig, &scene, 1)?.moving(&scene, camera.frames_per_second);
+            Box::new(match hands {
+                Some(hands) => twin.with_hands(&scene, hands),
+                None => twin,
+            })
         }
         SourceKind::TwinLoop => Box::new(TwinLoop::new(rig, &load_scene(input.unwrap_or("clean"), rig)?, 1)?),
         SourceKind::Replay => Box::new(FolderSource::new(Path::new(input.unwrap_or(".")), size)?),

@@ -6,6 +6,7 @@
 
 use std::time::Duration;
 
+use nearfield_commissioning::Trial;
 use nearfield_fusion::Motion;
 use nearfield_shared::limits::LONGEST_ALLOWED_GAP;
 use nearfield_shared::units::Micros;
@@ -28,23 +29,6 @@ pub trait Hands<C> {
 
     /// The laser's mean drive over an exposure, by its middle and length.
     fn drive(&mut self, controller: &mut C, exposed: Micros, exposure: Micros) -> f32;
-}
-
-/// One test piece at one place.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Trial {
-    /// Where it was to be laid, millimetres along the stripe.
-    pub wanted_mm: f64,
-    /// Middle of the gap that it made; `None` = none was seen in time.
-    pub seen_mm: Option<f64>,
-    /// That gap's length, millimetres.
-    pub gap_mm: f64,
-    /// From the exposure of the first picture with a gap that is too long to the relays' open contacts.
-    pub opened_after: Option<Micros>,
-    /// Did they stay open after the piece was taken away, with nobody pressing the button?
-    pub stayed_open: bool,
-    /// Did they close when the button was pressed?
-    pub closed_again: bool,
 }
 
 /// How long people get for one thing to do, and how long nothing may happen.

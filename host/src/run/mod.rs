@@ -13,6 +13,7 @@
 //! [`runner`] is the loop, [`supervised`] opens a broken source again, [`outlets`] are those who are told, and [`redecide`] makes
 //! a recorded controller decide again.
 
+pub mod checks;
 pub mod commission;
 pub mod controller;
 pub mod detector_eye;
@@ -28,6 +29,7 @@ pub mod source;
 pub mod stripe_path;
 pub mod supervised;
 pub mod tier_three;
+pub mod twin_hands;
 
 pub use controller::Controller;
 pub use latency::Latency;

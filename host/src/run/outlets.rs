@@ -8,15 +8,21 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context as _;
 use nearfield_configuration::budget::{HostTimes, ResponseTime, permitted_speed, stopping_distance};
-use nearfield_configuration::{Configuration, Field, Profile};
-use nearfield_operator::model::{Model, Part, Smallest, ZoneView};
+use nearfield_configuration::{Configuration, Field, Fleet, FleetCarrier, Profile};
+use nearfield_fleet::Carrier;
+use nearfield_fleet::carrier::UdpCarrier;
+use nearfield_operator::about::{Part, Smallest, ZoneView};
+use nearfield_operator::commission::{Hands, Plan};
+use nearfield_operator::model::Model;
 use nearfield_operator::{About, Page, Settings, Tally};
 use nearfield_recording::folder::Folder;
 use nearfield_recording::{Options, QUEUE_LENGTH, Recorder, State, Tap, Taps, queue, recovery};
 use nearfield_shared::rig::Rig;
 use nearfield_shared::units::Micros;
 
+use super::checks;
 use super::pictures::PictureTap;
+use crate::capability::{Capability, PlaceCapability};
 
 /// The host's clock, for those who may not ask the stripe's path.
 #[derive(Debug, Clone, Default)]
@@ -47,6 +53,9 @@ pub struct Outlets {
     pub clock: Clock,
     recorder: Option<Recorder>,
     page: Option<Page>,
+    fleet: Option<nearfield_fleet::Outlet>,
+    #[cfg(feature = "ros2")]
+    ros2: Option<nearfield_ros2::Outlet>,
 }
 
 /// What a run is, for its outlets.
@@ -61,6 +70,8 @@ pub struct Run<'a> {
     pub record: Option<&'a Path>,
     /// Shall there be a page?
     pub page: bool,
+    /// Hands that do what a commissioning on the page asks; `None` = a person's.
+    pub hands: Option<Hands>,
 }
 
 impl Outlets {
@@ -78,6 +89,9 @@ impl Outlets {
             clock: Clock::default(),
             recorder: None,
             page: None,
+            fleet: None,
+            #[cfg(feature = "ros2")]
+            ros2: None,
         };
         let mut said = Vec::new();
         let remarks = match run.record {
@@ -89,7 +103,13 @@ impl Outlets {
         {
             said.push(format!("{error:#}"));
         }
-        if !outlets.taps.is_empty() {
+        let people_look = !outlets.taps.is_empty();
+        for outcome in [outlets.start_fleet(run, begun), outlets.start_ros2(run)] {
+            if let Err(error) = outcome {
+                said.push(format!("{error:#}"));
+            }
+        }
+        if people_look {
             match PictureTap::start(outlets.taps.clone()) {
                 Ok(pictures) => outlets.pictures = Some(pictures),
                 Err(error) => said.push(format!("no pictures for people: {error}")),
@@ -133,19 +153,77 @@ impl Outlets {
         let watch = self.recorder.as_ref().map(Recorder::watch);
         let model = Model::new(&configuration.module.name, begun, run.rig, Arc::clone(&self.tally), watch)?;
         let model = if configuration.profile == Profile::Cutoff { model.without_heights() } else { model };
+        let capability = crate::capability::measure(run.rig, None).ok();
+        let model = match &capability {
+            Some(capability) => {
+                let plan = checks::plan(configuration, run.text, run.rig, capability);
+                model.with_commissioning(Plan { hands: run.hands.clone(), ..plan })
+            }
+            None => model,
+        };
         let clock = self.clock.clone();
         let settings = Settings {
             listen: configuration.page.listen,
             token_file: configuration.page.token_file.clone(),
             recordings: run.record.map(Path::to_path_buf),
             remarks,
-            about: about(configuration, run.rig),
+            about: about(configuration, run.rig, capability.as_ref()),
             clock: Box::new(move || clock.now()),
         };
         let (tap, drain) = queue(QUEUE_LENGTH);
         let page = Page::start(settings, model, drain)?;
         self.taps.add(tap);
         self.page = Some(page);
+        Ok(())
+    }
+
+    fn start_fleet(&mut self, run: &Run<'_>, begun: u64) -> anyhow::Result<()> {
+        let fleet = &run.configuration.fleet;
+        let Some(carrier) = fleet_carrier(fleet)? else { return Ok(()) };
+        let module = &run.configuration.module.name;
+        let reporter = nearfield_fleet::outlet::Reporter::new(&fleet.robot, module, &fleet.modules, begun);
+        let (tap, drain) = queue(QUEUE_LENGTH);
+        self.fleet = Some(nearfield_fleet::Outlet::start(reporter, carrier, drain)?);
+        self.taps.add(tap);
+        Ok(())
+    }
+
+    #[cfg(feature = "ros2")]
+    fn start_ros2(&mut self, run: &Run<'_>) -> anyhow::Result<()> {
+        use nearfield_configuration::Ros2Stamp;
+        use nearfield_ros2::{About, Outlet, Reporter, Settings, Stamp};
+        let configuration = run.configuration;
+        let ros2 = &configuration.ros2;
+        if !ros2.publish {
+            return Ok(());
+        }
+        let about = About {
+            module: configuration.module.name.clone(),
+            frame_id: ros2.frame_id.clone(),
+            scan_time: (1.0 / configuration.camera.frames_per_second) as f32,
+            tells_heights: configuration.profile != Profile::Cutoff,
+        };
+        let settings = Settings {
+            domain: u16::try_from(ros2.domain)?,
+            networks: ros2.networks.clone(),
+            namespace: ros2.namespace.clone(),
+            stamp: match ros2.stamp {
+                Ros2Stamp::Exposure => Stamp::Exposure,
+                Ros2Stamp::Sending => Stamp::Sending,
+            },
+        };
+        let (tap, drain) = queue(QUEUE_LENGTH);
+        self.ros2 = Some(Outlet::start(settings, Reporter::new(run.rig, about)?, drain)?);
+        self.taps.add(tap);
+        Ok(())
+    }
+
+    #[cfg(not(feature = "ros2"))]
+    fn start_ros2(&mut self, run: &Run<'_>) -> anyhow::Result<()> {
+        anyhow::ensure!(
+            !run.configuration.ros2.publish,
+            "ros2.publish = true, but this program was built without ROS 2; build it with `--features ros2`"
+        );
         Ok(())
     }
 
@@ -159,11 +237,35 @@ impl Outlets {
     pub fn finish(mut self) -> Option<State> {
         self.pictures = None;
         self.page = None;
+        self.fleet = None;
+        #[cfg(feature = "ros2")]
+        {
+            self.ros2 = None;
+        }
         self.recorder.take().map(Recorder::finish)
     }
 }
 
-fn about(configuration: &Configuration, rig: &Rig) -> About {
+/// What the module's reports travel with; `None` = it makes none.
+fn fleet_carrier(fleet: &Fleet) -> anyhow::Result<Option<Box<dyn Carrier>>> {
+    Ok(match fleet.carrier {
+        FleetCarrier::None => None,
+        FleetCarrier::Udp => Some(Box::new(UdpCarrier::new(fleet.to)?)),
+        #[cfg(feature = "zenoh")]
+        FleetCarrier::Zenoh => {
+            use nearfield_fleet::zenoh_carrier::{Settings, ZenohCarrier};
+            let connect = fleet.connect.clone();
+            let settings = Settings { listen: Vec::new(), scout: connect.is_empty(), connect };
+            Some(Box::new(ZenohCarrier::new(&settings)?))
+        }
+        #[cfg(not(feature = "zenoh"))]
+        FleetCarrier::Zenoh => anyhow::bail!(
+            "fleet.carrier = \"zenoh\", but this program was built without it; build it with `--features zenoh`"
+        ),
+    })
+}
+
+fn about(configuration: &Configuration, rig: &Rig, capability: Option<&Capability>) -> About {
     let response = ResponseTime::of(configuration, &HostTimes::ASSUMED);
     let (_, worst) = response.by_vote();
     let robot = &configuration.robot;
@@ -179,16 +281,10 @@ fn about(configuration: &Configuration, rig: &Rig) -> About {
         end_mm: zone.end_mm,
         field: if zone.field == Field::Protective { "protective" } else { "warning" },
     };
-    let capability = crate::capability::measure(rig, None).map_or_else(
-        |_| Vec::new(),
-        |capability| {
-            let smallest = |place: &crate::capability::PlaceCapability| Smallest {
-                place_mm: place.place_mm,
-                width_mm: place.smallest_width_mm,
-            };
-            capability.places.iter().map(smallest).collect()
-        },
-    );
+    let smallest =
+        |place: &PlaceCapability| Smallest { place_mm: place.place_mm, width_mm: place.smallest_width_mm };
+    let places = capability.map_or(&[][..], |capability| &capability.places);
+    let capability = places.iter().map(smallest).collect();
     let stripe = rig.stripe();
     About {
         module: configuration.module.name.clone(),
@@ -204,6 +300,7 @@ fn about(configuration: &Configuration, rig: &Rig) -> About {
         zones: configuration.zones.iter().map(zone).collect(),
         cases: configuration.cases.len(),
         takes_remarks: false,
+        takes_orders: false,
     }
 }
 

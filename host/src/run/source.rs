@@ -8,11 +8,13 @@ use std::time::Duration;
 
 use anyhow::{Context as _, bail};
 use nearfield_configuration::Camera;
+use nearfield_operator::commission::Hands;
 use nearfield_shared::rig::{ImageSize, Rig};
 
 use super::mailbox::{Fetched, Mailbox, Reader};
+use super::twin_hands::TwinHands;
 use crate::capture::{Frame, Pixels, is_picture_name, read_frame};
-use crate::twin::{Picture, Scene, Twin, View};
+use crate::twin::{Picture, Scene, SceneObject, Twin, View};
 
 /// Delivers pictures.
 pub trait Source: Send {
@@ -32,6 +34,8 @@ pub struct TwinSource {
     twin: Twin,
     /// What moves, and from picture to picture how long; `None` = nothing does.
     moving: Option<(Scene, f64)>,
+    /// What lies there by itself, and who lays a test piece beside it.
+    hands: Option<(Vec<SceneObject>, TwinHands)>,
     picture: Picture,
     number: u64,
     frame: Frame,
@@ -44,7 +48,14 @@ impl TwinSource {
     /// The scene cannot be used.
     pub fn new(rig: &Rig, scene: &Scene, seed: u64) -> anyhow::Result<Self> {
         let twin = Twin::new(Arc::new(View::new(rig)), scene, seed)?;
-        Ok(Self { twin, moving: None, picture: Picture::black(0, 0), number: 0, frame: Frame::empty() })
+        Ok(Self {
+            twin,
+            moving: None,
+            hands: None,
+            picture: Picture::black(0, 0),
+            number: 0,
+            frame: Frame::empty(),
+        })
     }
 
     /// Objects with a velocity move, so many pictures a second.
@@ -53,12 +64,25 @@ impl TwinSource {
         let moves = scene.objects.iter().any(|object| object.velocity_mm_per_s != [0.0; 2]);
         Self { moving: moves.then(|| (scene.clone(), 1.0 / frames_per_second)), ..self }
     }
+
+    /// Who lays a test piece into this scene, if nothing in it moves.
+    #[must_use]
+    pub fn with_hands(self, scene: &Scene, hands: Hands) -> Self {
+        let hands = self.moving.is_none().then(|| (scene.objects.clone(), TwinHands::new(hands)));
+        Self { hands, ..self }
+    }
 }
 
 impl Source for TwinSource {
     fn advance(&mut self, drive: f32) -> anyhow::Result<bool> {
         if let Some((scene, period)) = &self.moving {
             self.twin.place(&scene.after(self.number as f64 * period).objects)?;
+        }
+        if let Some((lying, hands)) = &mut self.hands
+            && let Some(piece) = hands.change()
+        {
+            let all: Vec<SceneObject> = lying.iter().cloned().chain(piece).collect();
+            self.twin.place(&all)?;
         }
         self.twin.render_into(self.number, drive, &mut self.picture);
         self.number += 1;

@@ -236,7 +236,7 @@ fn sensor(
     stop: &AtomicBool,
     tell: &Sender<Begun>,
 ) -> String {
-    let run = outlets::Run { configuration, text, rig, record: Some(record), page: true };
+    let run = outlets::Run { configuration, text, rig, record: Some(record), page: true, hands: None };
     let (mut outlets, said) = Outlets::start(&run).unwrap();
     assert!(said.is_empty(), "{said:?}");
     let (tap, drain) = queue(16 * 1024);

@@ -13,6 +13,7 @@ mod mutants;
 mod panic_free;
 mod pi;
 mod report;
+mod ros2;
 mod run;
 mod seeded_faults;
 mod setup;
@@ -45,6 +46,7 @@ nearfield's chores. Each sets up what it needs by itself.
   cargo xtask bench      what a frame of 2304 x 1296 costs the host, against the sum of its bytes and the paper's pipeline in OpenCV
   cargo xtask pi         the host's program for the Raspberry Pi (aarch64; cross-compiler through apt where it can)
   cargo xtask pi-test    tests of the parts that run on the Pi, for its processor, under QEMU (further arguments: packages)
+  cargo xtask ros2       the ROS 2 outlet against a second participant, and against Eclipse Cyclone DDS (Python, PyPI)
   cargo xtask soak       everything of `nearfield run` at 50 pictures a second: quiet, tier 3 stalled, disk full, flooded, with a
                          dying source; losses, relay, latency, memory (--seconds N a phase, --mcu emulated, --width N,
                          --without-tier-three)
@@ -125,6 +127,7 @@ fn dispatch(verb: &str, rest: &[String]) -> Result<()> {
         "pi" => pi::build(),
         "pi-test" => pi::test(rest),
         "deb" => pi::package(),
+        "ros2" => ros2::check(),
         "soak" => soak::phases(rest),
         "kills" => soak::kills(rest),
         "coverage" => coverage::check(rest),

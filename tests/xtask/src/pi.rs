@@ -10,11 +10,13 @@ const LINKER: &str = "aarch64-linux-gnu-gcc";
 const EMULATOR: &str = "qemu-aarch64";
 const LIBRARIES: &str = "/usr/aarch64-linux-gnu";
 /// What runs on the Pi, without the studies and the twin, which take an emulated processor for ever.
-const PACKAGES: [&str; 8] = [
+const PACKAGES: [&str; 10] = [
     "nearfield-shared",
     "nearfield-firmware",
+    "nearfield-commissioning",
     "nearfield-configuration",
     "nearfield-fields",
+    "nearfield-fleet",
     "nearfield-fusion",
     "nearfield-machine",
     "nearfield-operator",

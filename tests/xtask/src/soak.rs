@@ -21,7 +21,7 @@ pub fn phases(rest: &[String]) -> Result<()> {
         .run()
 }
 
-/// `nearfield run`, killed at random moments; see `host/tests/run_command.rs`.
+/// `nearfield run`, killed at random moments; see `host/tests/run_command`.
 pub fn kills(rest: &[String]) -> Result<()> {
     ignored("run_command", "killed_two_hundred_times")
         .env("NEARFIELD_KILLS", tools::option(rest, "--kills")?.unwrap_or("200"))

@@ -38,6 +38,7 @@ impl Bench {
             clock: Box::new(|| Micros::new(7)),
         };
         let model = Model::new("front", 0, &rig(), Arc::new(Tally::default()), None).unwrap();
+        let model = model.with_commissioning(crate::commission::tests::plan());
         let (_, drain) = queue(1);
         let page = Page::start(settings, model, drain).unwrap();
         let bench = Self { place, page, remarks };
@@ -369,4 +370,51 @@ proptest! {
         prop_assert_eq!(status_of(&answer), "204");
         prop_assert_eq!(bench.told().len(), 1);
     }
+}
+
+/// Until the page's thread has obeyed.
+fn commission_becomes(bench: &Bench, running: bool) -> serde_json::Value {
+    let begun = Instant::now();
+    loop {
+        let answer = bench.get("/api/commission");
+        let body = answer.split_once("\r\n\r\n").unwrap().1;
+        let view: serde_json::Value = serde_json::from_str(body).unwrap();
+        if view["running"] == running {
+            return view;
+        }
+        assert!(begun.elapsed() < Duration::from_secs(60), "{view}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+#[test]
+fn a_commissioning_is_seen_by_all_and_begun_by_who_knows_the_token() {
+    let bench = Bench::new();
+    let answer = bench.get("/commission.html");
+    assert_eq!(status_of(&answer), "404", "nobody has begun");
+    let wrong = format!("{}x", &TOKEN[1..]);
+    for headers in
+        ["".to_owned(), format!("Authorization: Bearer {wrong}\r\n"), "Authorization: Bearer\r\n".to_owned()]
+    {
+        for (path, body) in [("begin", "A. Name"), ("begin", ""), ("end", "")] {
+            let answer = bench.post(&format!("/api/commission/{path}"), &headers, body);
+            assert_eq!(status_of(&answer), "401", "{headers}{path}");
+        }
+    }
+    std::thread::sleep(3 * PUBLISH_INTERVAL);
+    assert_eq!(commission_becomes(&bench, false)["has_protocol"], false, "nothing was changed");
+    let known = format!("Authorization: Bearer {TOKEN}\r\n");
+    assert_eq!(status_of(&bench.post("/api/commission/begin", &known, "a\u{7}b")), "400");
+    assert_eq!(status_of(&bench.post("/api/commission/begin", &known, "A. <Name>")), "204");
+    let view = commission_becomes(&bench, true);
+    assert_eq!((&view["person"], &view["steps"][2]["standing"]), (&"A. <Name>".into(), &"now".into()));
+    assert_eq!(status_of(&bench.post("/api/commission/end", &known, "")), "204");
+    commission_becomes(&bench, false);
+    let protocol = bench.get("/commission.html");
+    assert_eq!(status_of(&protocol), "200");
+    assert!(protocol.contains("A. &lt;Name&gt;") && protocol.contains("NOT passed"), "{protocol}");
+    let policies = protocol.lines().filter(|line| line.to_lowercase().starts_with("content-security-policy"));
+    assert_eq!(policies.collect::<Vec<_>>().len(), 1);
+    assert!(protocol.contains("default-src 'none'") && !protocol.contains("<script"), "{protocol}");
+    assert!(bench.told().is_empty(), "nothing of it goes anywhere else");
 }
