@@ -8,7 +8,7 @@
 //! [run_over] # optional; allowed = true lets small debris pass that the controller itself finds low; off without it
 //! ```
 //!
-//! A section `[uncertainty]`, which calibration writes for people, is allowed and not read.
+//! A section `[uncertainty]`, which calibration writes, is allowed; [`load_deviation`] reads from it how sure heights are.
 //!
 //! A file is refused as a whole at the first thing that is wrong with it, with the field's full name: a rig that is
 //! guessed in part is worse than none.
@@ -20,6 +20,8 @@ use nearfield_shared::camera::{Camera, Intrinsics, Pose, Vector};
 use nearfield_shared::laser::Laser;
 use nearfield_shared::rig::{ImageSize, Rig, Stripe};
 use toml::{Table, Value};
+
+use crate::vision::RigDeviation;
 
 /// Why a rig file was refused.
 #[derive(Debug, thiserror::Error)]
@@ -67,14 +69,41 @@ pub fn load(path: &Path) -> Result<Rig, RigFileError> {
 /// # Errors
 /// See [`RigFileError`].
 pub fn parse(text: &str, path: &Path) -> Result<Rig, RigFileError> {
-    let table: Table = text.parse().map_err(|error: toml::de::Error| RigFileError::Syntax {
-        path: path.to_path_buf(),
-        message: error.to_string().trim_end().to_owned(),
-    })?;
+    let table = table_of(text, path)?;
     read_rig(&table).map_err(|FieldProblem { field, problem }| RigFileError::Field {
         path: path.to_path_buf(),
         field,
         problem,
+    })
+}
+
+/// How sure the rig's heights are, as its calibration wrote it into the rig file: `uncertainty.heights_mm`, a list of
+/// `[place, height, one sigma]`. `None` where the file does not tell.
+///
+/// # Errors
+/// See [`RigFileError`].
+pub fn load_deviation(path: &Path) -> Result<Option<RigDeviation>, RigFileError> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| RigFileError::Read { path: path.to_path_buf(), source })?;
+    let table = table_of(&text, path)?;
+    let Some(heights) = table.get(UNCERTAINTY).and_then(|section| section.get("heights_mm")) else {
+        return Ok(None);
+    };
+    let triples: Option<Vec<[f64; 3]>> =
+        heights.as_array().and_then(|list| list.iter().map(numbers_of).collect());
+    let triples = triples.ok_or_else(|| RigFileError::Field {
+        path: path.to_path_buf(),
+        field: "uncertainty.heights_mm".to_owned(),
+        problem: "must be a list of [place, height, one sigma] in millimetres; calibrate again or remove it"
+            .to_owned(),
+    })?;
+    Ok(Some(RigDeviation::of(&triples)))
+}
+
+fn table_of(text: &str, path: &Path) -> Result<Table, RigFileError> {
+    text.parse().map_err(|error: toml::de::Error| RigFileError::Syntax {
+        path: path.to_path_buf(),
+        message: error.to_string().trim_end().to_owned(),
     })
 }
 
@@ -275,118 +304,4 @@ fn numbers_of<const N: usize>(value: &Value) -> Option<[f64; N]> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const GOOD: &str = include_str!("../../tests/pictures/rigs/t2_std.toml");
-
-    fn refusal(text: &str) -> String {
-        parse(text, Path::new("robot.toml")).unwrap_err().to_string()
-    }
-
-    #[test]
-    fn writing_and_reading_gives_the_same_rig() {
-        let rig = parse(GOOD, Path::new("robot.toml")).unwrap();
-        let again = parse(&to_toml(&rig), Path::new("robot.toml")).unwrap();
-        assert_eq!(rig, again);
-    }
-
-    #[test]
-    fn every_missing_field_is_named_with_the_file() {
-        for (section, fields) in SECTIONS {
-            for field in fields {
-                let mut table: Table = GOOD.parse().unwrap();
-                table.get_mut(section).unwrap().as_table_mut().unwrap().remove(*field).unwrap();
-                let message = refusal(&table.to_string());
-                assert_eq!(message, format!("robot.toml: {section}.{field}: is missing; add it"));
-            }
-            let mut table: Table = GOOD.parse().unwrap();
-            table.remove(section).unwrap();
-            assert_eq!(
-                refusal(&table.to_string()),
-                format!("robot.toml: {section}: section is missing; add it")
-            );
-        }
-    }
-
-    #[test]
-    fn no_field_takes_a_value_of_another_kind_nor_one_that_is_not_finite() {
-        for (section, fields) in SECTIONS {
-            for field in fields {
-                for bad in ["\"500\"", "nan", "[nan, 0.0, 0.0]", "true", "[]", "[[1, 2], [3, 4]]", "inf"] {
-                    let mut table: Table = GOOD.parse().unwrap();
-                    let value = format!("x = {bad}").parse::<Table>().unwrap().remove("x").unwrap();
-                    table
-                        .get_mut(section)
-                        .unwrap()
-                        .as_table_mut()
-                        .unwrap()
-                        .insert((*field).to_owned(), value);
-                    let message = refusal(&table.to_string());
-                    assert!(
-                        message.starts_with(&format!("robot.toml: {section}.{field}: ")),
-                        "{bad}: {message}"
-                    );
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn run_over_is_off_unless_the_file_allows_it_in_so_many_words() {
-        let rig = |text: &str| parse(text, Path::new("robot.toml")).unwrap();
-        assert!(!rig(GOOD).allows_run_over());
-        assert!(!rig(&format!("{GOOD}\n[run_over]\nallowed = false\n")).allows_run_over());
-        let allowed = rig(&format!("{GOOD}\n[run_over]\nallowed = true\n"));
-        assert!(allowed.allows_run_over());
-        assert_eq!(rig(&to_toml(&allowed)), allowed);
-        assert_ne!(
-            allowed.calibration_id(),
-            rig(GOOD).calibration_id(),
-            "host and controller must agree on it"
-        );
-        for bad in ["", "allowed = 1", "allowed = \"true\"", "allow = true"] {
-            let message = refusal(&format!("{GOOD}\n[run_over]\n{bad}\n"));
-            assert!(message.starts_with("robot.toml: run_over.allow"), "{bad}: {message}");
-        }
-    }
-
-    #[test]
-    fn unknown_names_are_refused_not_ignored() {
-        let message = refusal(&GOOD.replace("[laser]", "[laser]\npower = 1.0"));
-        assert!(message.starts_with("robot.toml: laser.power: unknown name"), "{message}");
-        assert!(refusal(&format!("{GOOD}\n[lens]\n")).starts_with("robot.toml: lens: unknown name"));
-    }
-
-    #[test]
-    fn a_contradiction_between_sections_names_the_field_to_correct() {
-        let table = |edit: &dyn Fn(&mut Table)| {
-            let mut table: Table = GOOD.parse().unwrap();
-            edit(&mut table);
-            refusal(&table.to_string())
-        };
-        let offset = table(&|table| {
-            table["laser"].as_table_mut().unwrap().insert("plane_offset_mm".to_owned(), Value::Float(90.0));
-        });
-        assert!(
-            offset.starts_with("robot.toml: laser.plane_offset_mm: contradicts laser.origin_mm"),
-            "{offset}"
-        );
-        let backwards = table(&|table| {
-            let end = table["stripe"].as_table_mut().unwrap();
-            end.insert("end_mm".to_owned(), Value::Float(-1000.0));
-        });
-        assert!(backwards.starts_with("robot.toml: stripe.end_mm: "), "{backwards}");
-    }
-
-    #[test]
-    fn text_that_is_not_toml_says_where() {
-        let message = refusal("[image]\nwidth = = 3\n");
-        assert!(
-            message.starts_with("robot.toml: not a TOML file: ") && message.contains("line 2"),
-            "{message}"
-        );
-        let missing = load(Path::new("/nonexistent/robot.toml")).unwrap_err().to_string();
-        assert!(missing.contains("cannot read the rig file"), "{missing}");
-    }
-}
+mod tests;

@@ -258,3 +258,6 @@ fn charuco_corners(
         })
         .collect())
 }
+
+#[cfg(test)]
+mod tests;

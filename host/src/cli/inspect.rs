@@ -142,7 +142,9 @@ impl Inspector {
         let name = || path.display().to_string();
         Ok(Self {
             rig: *rig,
-            analyser: Analyser::with_sheet(rig, sheet_mm).with_context(name)?,
+            analyser: Analyser::with_sheet(rig, sheet_mm)
+                .with_context(name)?
+                .with_rig_deviation(rig_file::load_deviation(path)?.unwrap_or_default()),
             encoder: LineScanEncoder::new(rig).with_context(name)?,
             examiner: Examiner::new(mcu, rig)?,
             rgb: Vec::new(),

@@ -51,7 +51,8 @@ pub struct ObjectReport {
     pub end_mm: f32,
     /// Its height; `None` where no stripe is seen on it.
     pub height_mm: Option<f32>,
-    /// One standard deviation of that height, for a rig that is true; `None` without a height.
+    /// One standard deviation of that height: the picture's share, and the rig's as its file tells it under `[uncertainty]`
+    /// (a rig file without counts as true). `None` without a height.
     pub height_deviation_mm: Option<f32>,
     /// `small`, `large` (50 mm and more) or `unknown`.
     pub size: &'static str,

@@ -15,6 +15,7 @@ use nearfield_shared::units::Millimetres;
 use super::extractor::{Extractor, ForeignFrame};
 use super::grid::MOST_COLUMNS;
 use super::profile::Profile;
+use super::rig_deviation::RigDeviation;
 use crate::capture::FrameView;
 
 /// Points of one object lie no farther apart than this along the stripe, millimetres: the least distance at which the
@@ -45,8 +46,8 @@ pub struct StripeObject {
     pub end: Millimetres,
     /// Height over the floor, negative for a drop; `None` where the stripe is not seen on it.
     pub height: Option<Millimetres>,
-    /// One standard deviation of the height, from how its points scatter and how finely the picture resolves heights there;
-    /// the rig's own error is not in it (`nearfield calibrate` tells that). `None` without a height.
+    /// One standard deviation of the height, from how its points scatter and how finely the picture resolves heights there,
+    /// and from the rig's own error as far as that is known ([`Analyser::with_rig_deviation`]). `None` without a height.
     pub uncertainty: Option<Millimetres>,
     /// Its class; without a height, and for a drop, it is unknown.
     pub size: SizeClass,
@@ -74,6 +75,7 @@ pub struct Analyser {
     sorted: Vec<Sample>,
     smoothed: Vec<f32>,
     stripe: Stripe,
+    rig_deviation: RigDeviation,
 }
 
 impl Analyser {
@@ -100,6 +102,7 @@ impl Analyser {
         let columns = usize::from(rig.image().width);
         Ok(Self {
             stripe: *rig.stripe(),
+            rig_deviation: RigDeviation::default(),
             extractor,
             monitor,
             report: StripeReport::default(),
@@ -108,6 +111,13 @@ impl Analyser {
             sorted: Vec::with_capacity(4 * columns),
             smoothed: Vec::with_capacity(4 * columns),
         })
+    }
+
+    /// The same, knowing how unsure the rig itself makes a height: it then counts in each object's
+    /// [`StripeObject::uncertainty`].
+    #[must_use]
+    pub fn with_rig_deviation(self, rig_deviation: RigDeviation) -> Self {
+        Self { rig_deviation, ..self }
     }
 
     /// Forgets the frames seen: the vote starts anew.
@@ -169,11 +179,12 @@ impl Analyser {
             self.smoothed.extend(points.iter().map(|point| point.height));
             let height = Millimetres::new(robust_extreme(&mut self.smoothed));
             let size = if height > Millimetres::ZERO { SizeClass::of(height) } else { SizeClass::Unknown };
+            let of_rig = self.rig_deviation.at(f32::midpoint(first.place, last.place), height.get());
             self.objects.push(StripeObject {
                 start: Millimetres::new(first.place),
                 end: Millimetres::new(last.place),
                 height: Some(height),
-                uncertainty: Some(Millimetres::new(deviation(points))),
+                uncertainty: Some(Millimetres::new(deviation(points).hypot(of_rig))),
                 size,
             });
         }

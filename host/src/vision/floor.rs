@@ -11,6 +11,7 @@ mod beside_edges;
 mod clipped;
 mod pooled;
 mod slanted;
+mod straight;
 mod strip;
 
 use super::edge::EdgeModel;
@@ -89,6 +90,11 @@ impl FloorColumn {
             && self.peak.is_some_and(|peak| {
                 (peak.row - place.floor_row).abs() <= place.tolerance && peak.contrast >= peak.rise / 2.0
             })
+    }
+
+    /// Surely lit at the floor's row, by itself or together with its neighbours.
+    fn is_surely_floor(&self, place: &GridColumn) -> bool {
+        self.is_like_floor(place) || (self.pooled == Some(true) && self.is_at(place))
     }
 
     /// Is its ridge at the floor's row?
@@ -228,7 +234,7 @@ impl FloorFinder {
 
     /// Looks at one frame.
     pub fn find<S: RowSearch>(&mut self, signal: S, grid: &Grid) {
-        self.pool.strip.clear();
+        self.pool.clear();
         self.measure(signal, grid);
         self.strengthen(signal, grid);
         self.usual = self.usual_stripe();

@@ -14,11 +14,13 @@ pub mod peak;
 pub mod profile;
 pub mod raised;
 pub mod ridge;
+pub mod rig_deviation;
 pub mod signal;
 pub mod unrigged;
 
 pub use analysis::{Analyser, StripeObject};
 pub use extractor::{Extractor, ForeignFrame, OffFloorPoint};
+pub use rig_deviation::RigDeviation;
 
 #[cfg(test)]
 mod tests;

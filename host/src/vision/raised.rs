@@ -8,7 +8,9 @@
 //! is not the floor's stripe, for that ray ends on the line.
 
 mod light;
+mod line;
 mod rays;
+mod seeds;
 
 use super::floor::{FloorFinder, pitch};
 use super::grid::{Grid, PictureGeometry};
@@ -16,32 +18,21 @@ use super::peak;
 use super::signal::{RowSearch, SEGMENT_BITS, SEGMENT_ROWS, Signal};
 use crate::simd;
 use light::believed;
+use line::{Candidate, Line, is_by_chance, without_ends};
 use rays::Rays;
+use seeds::{Collect, sight};
 
-/// Columns that see rays end this near to a dark one are searched too, millimetres: a line may go on beside the dark
-/// stretch, and what a column can see is rounded.
-const SIGHT_MARGIN_MM: f32 = 16.0;
-/// Fewest columns of a line.
-const FEWEST_COLUMNS: u32 = 3;
 /// Contrast that a candidate needs, in standard deviations of the background.
 const CANDIDATE_CONTRAST: f32 = 5.0;
-/// Mean contrast that a line needs, in standard deviations of the background.
-const LINE_CONTRAST: f32 = 6.0;
 /// A line may move by this many samples from column to column ...
 const LINE_STEP: f32 = 4.0;
 /// ... and miss this many columns.
 const LINE_HOLES: usize = 3;
-/// Samples in which the next candidate of a line may lie: up and down by a step a column, in each column that a hole leaves.
-const CONTINUING_SAMPLES: f32 = LINE_STEP * ((LINE_HOLES + 1) * (LINE_HOLES + 2)) as f32;
-/// Lines that chance may make of other candidates in a whole picture.
-const CHANCE_LINES: f32 = 0.05;
 /// Two seeds of one column that lead within this many samples of each other have found the same stripe.
 const SAME_CREST: f32 = 3.0;
 /// A stripe that is not clipped is at most so many times as wide as the floor's usually is: things that are red
 /// themselves are mostly wider.
 const WIDEST_SHARE: f32 = 2.0;
-/// A line goes on beside the dark stretch if it is seen in this much of that at least, millimetres.
-const GOES_ON_MM: f32 = 3.0;
 /// Lines that are followed at a time; more is texture.
 const OPEN_LINES: usize = 24;
 /// Candidates for which there is room; a picture with more shows texture, and the weaker ones change nothing.
@@ -65,21 +56,6 @@ pub struct RaisedPoint {
     contrast: f32,
     /// The floor looks lit where its ray would end.
     beside: bool,
-}
-
-/// A line of candidates.
-#[derive(Debug, Clone, Copy)]
-struct Line {
-    number: u32,
-    columns: u32,
-    contrast: f32,
-    significance: f32,
-    last_column: usize,
-    last_row: f32,
-    /// Length on rays that reach the floor, before the line's first dark ray and after it, millimetres.
-    beside: [f32; 2],
-    /// First and last column of what is believed of it.
-    ends: [usize; 2],
 }
 
 /// Finds the stripe off the floor; owns its memory.
@@ -361,123 +337,5 @@ impl RaisedFinder {
     #[must_use]
     pub fn is_claimed(&self, place: f32) -> bool {
         self.rays.is_claimed(place)
-    }
-}
-
-/// A ridge that may be the stripe.
-#[derive(Debug, Clone, Copy)]
-struct Candidate {
-    column: usize,
-    row: f32,
-    contrast: f32,
-    significance: f32,
-}
-
-/// The search of [`RaisedFinder::collect_seeds`] as vector instructions.
-struct Collect<'a, S> {
-    signal: S,
-    grid: &'a Grid,
-    watching: &'a [std::ops::Range<usize>],
-    keys: &'a mut [u16],
-}
-
-impl<S: RowSearch> simd::Kernel for Collect<'_, S> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let Self { signal, grid, watching, keys } = self;
-        let width = grid.columns().len().max(1);
-        for (segment, (range, keys)) in grid.segments().iter().zip(keys.chunks_exact_mut(width)).enumerate() {
-            let first_row = segment * SEGMENT_ROWS;
-            for row in first_row..(first_row + SEGMENT_ROWS).min(signal.rows()) {
-                let tag = (row - first_row) as u16;
-                for run in watching {
-                    let (start, end) = (run.start.max(range.start), run.end.min(range.end));
-                    if start < end {
-                        signal.raise(row, grid.first() + start, tag, &mut keys[start..end]);
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// Places of the rays that a column can see end, from the lowest to the highest, millimetres.
-fn sight(grid: &Grid, geometry: &PictureGeometry, index: usize) -> [f32; 2] {
-    const EVERYWHERE: [f32; 2] = [f32::NEG_INFINITY, f32::INFINITY];
-    let Some((place, map)) = grid.columns().get(index).zip(geometry.map(grid.image_column(index))) else {
-        return EVERYWHERE;
-    };
-    let first = usize::from(place.first_row) / SEGMENT_ROWS * SEGMENT_ROWS;
-    let last = usize::from(place.end_row).next_multiple_of(SEGMENT_ROWS);
-    let at = |row: usize| geometry.ray_place(map, grid.to_pixels(row as f32));
-    let (one, middle, other) = (at(first), at(first.midpoint(last)), at(last));
-    let (low, high) = (one.min(other), one.max(other));
-    // The place is a ratio of two linear functions of the row: it only rises or only falls, or passes through infinity,
-    // and then the middle is not between.
-    let [low, high] = [low - SIGHT_MARGIN_MM, high + SIGHT_MARGIN_MM];
-    if one.is_nan() || other.is_nan() || !(low..=high).contains(&middle) {
-        return EVERYWHERE;
-    }
-    [low, high]
-}
-
-impl Line {
-    const fn starting_at(number: u32, seen: &Candidate) -> Self {
-        Self {
-            number,
-            columns: 0,
-            contrast: 0.0,
-            significance: 0.0,
-            last_column: seen.column,
-            last_row: seen.row,
-            beside: [0.0; 2],
-            ends: [0; 2],
-        }
-    }
-
-    /// Long enough and strong enough, and it ends where the laser's light on the floor begins: what goes on at both ends
-    /// is a thing that is red itself.
-    fn is_believable(&self) -> bool {
-        self.columns >= FEWEST_COLUMNS
-            && self.significance >= LINE_CONTRAST * self.columns as f32
-            && self.beside.iter().any(|length| *length < GOES_ON_MM)
-    }
-}
-
-/// Would candidates that lie about by chance, as many as there are of this strength, make such a line somewhere? Noise and
-/// texture make many candidates, and where there are many some stand in a row; the stripe on a thing stands out from them.
-fn is_by_chance(columns: u32, as_strong: usize, searched: f32) -> bool {
-    // Half of a line's own points are as strong as their mean.
-    let others = as_strong as f32 - columns as f32 / 2.0;
-    if others <= 0.0 {
-        return false;
-    }
-    // Each of them begins a line that has so many points if each point has the next one within reach.
-    let next = CONTINUING_SAMPLES * others / searched.max(1.0);
-    others * next.powi(columns.saturating_sub(1) as i32) > CHANCE_LINES
-}
-
-/// A line's points from the first dark ray to the last.
-fn without_ends(points: &[RaisedPoint]) -> &[RaisedPoint] {
-    let first = points.iter().position(|point| !point.beside);
-    let last = points.iter().rposition(|point| !point.beside);
-    first.zip(last).and_then(|(first, last)| points.get(first..=last)).unwrap_or(&[])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_line_is_believed_as_long_as_others_of_its_strength_would_not_make_it_by_chance() {
-        let searched = 20_000.0;
-        assert!(!is_by_chance(3, 3, searched), "alone");
-        assert!(!is_by_chance(3, 9, searched), "a few others");
-        assert!(is_by_chance(3, 60, searched), "three in a row among many");
-        assert!(!is_by_chance(12, 60, searched), "twelve in a row");
-        assert!(is_by_chance(12, 400, searched), "noise everywhere");
-        assert!(!is_by_chance(3, 0, 0.0), "nothing searched");
     }
 }

@@ -1,7 +1,7 @@
 //! The columns in which the edge of a paint may hide the stripe, explained by both together.
 
-use super::{FloorColumn, FloorFinder, SURE_CONTRAST};
-use super::{clipped, slanted};
+use super::{FloorColumn, FloorFinder, LEAST_NOISE, SURE_CONTRAST};
+use super::{clipped, slanted, straight};
 use crate::vision::grid::{Grid, GridColumn};
 use crate::vision::measure;
 use crate::vision::peak::Peak;
@@ -11,7 +11,8 @@ use crate::vision::signal::RowSearch;
 const LIKE_NEIGHBOURS_MM: f32 = 60.0;
 /// The stripe beside an edge must have this share of the contrast of the weaker of its neighbours.
 const LIKE_SHARE: f32 = 0.3;
-/// A ridge has the contrast of its neighbours if neither is so many times the other's ...
+/// A ridge has the contrast of its neighbours if it is not so many times weaker than the weaker or stronger than the
+/// stronger of them ...
 const LIKE_RANGE: f32 = 2.0;
 /// Between two grounds nothing differs from either by more than so many times what they differ.
 const MOST_OF_STEP: f32 = 1.3;
@@ -19,6 +20,8 @@ const MOST_OF_STEP: f32 = 1.3;
 const WIDER: f32 = 1.5;
 /// ... and their row if it is within so many rows of it.
 const LIKE_ROWS: f32 = 1.5;
+/// What is said of a row that the floor's neighbours make expected lies within this share of the tolerance.
+const WITHIN_TOLERANCE: f32 = 0.9;
 /// Columns that are explained in one frame; a picture with more shows texture.
 const MOST_EXPLAINED: usize = 320;
 
@@ -27,31 +30,48 @@ struct Neighbours {
     /// Rows below the floor's row.
     offset: f32,
     width: f32,
+    /// Contrast of the weaker of them, and of the stronger.
     contrast: f32,
+    most: f32,
 }
 
 impl Neighbours {
     fn of<'a>(columns: impl Iterator<Item = (&'a FloorColumn, &'a GridColumn)>) -> Option<Self> {
-        let (mut count, mut sum) = (0.0, Self { offset: 0.0, width: 0.0, contrast: f32::INFINITY });
+        let (mut count, mut sum) =
+            (0.0, Self { offset: 0.0, width: 0.0, contrast: f32::INFINITY, most: 0.0 });
         for (column, place) in columns {
             let peak = column.peak?;
             sum.offset += peak.row - place.floor_row;
             sum.width += peak.width;
             sum.contrast = sum.contrast.min(peak.contrast);
+            sum.most = sum.most.max(peak.contrast);
             count += 1.0;
         }
         (count > 0.0).then(|| Self { offset: sum.offset / count, width: sum.width / count, ..sum })
     }
 
-    /// Is a ridge what they are, in place and strength?
+    /// Is a ridge what they are, in place and strength? On a mixture of two grounds the stripe's strength lies between
+    /// those on either.
     fn is_like(&self, peak: &Peak, place: &GridColumn) -> bool {
         (peak.row - place.floor_row - self.offset).abs() <= place.tolerance.min(LIKE_ROWS)
-            && (self.contrast / LIKE_RANGE..=self.contrast * LIKE_RANGE).contains(&peak.contrast)
+            && (self.contrast / LIKE_RANGE..=self.most * LIKE_RANGE).contains(&peak.contrast)
+    }
+
+    /// How wide the stripe is in a column: beside an edge, and where it is clipped, the neighbours look wider than it is.
+    fn width_at(&self, place: &GridColumn) -> f32 {
+        self.width.clamp(place.width, WIDER * place.width)
     }
 
     /// The ridge that they make expected in a column.
     fn expected(&self, place: &GridColumn, contrast: f32, rise: f32) -> Peak {
-        Peak { row: place.floor_row + self.offset, contrast, rise, width: self.width }
+        // They lie on the floor, as far as their own edges let them.
+        let most = WITHIN_TOLERANCE * place.tolerance;
+        Peak {
+            row: place.floor_row + self.offset.clamp(-most, most),
+            contrast,
+            rise,
+            width: self.width_at(place),
+        }
     }
 }
 
@@ -63,7 +83,7 @@ impl FloorFinder {
         let mut after = 0;
         for (index, place) in grid.columns().iter().enumerate() {
             let column = &self.columns[index];
-            if column.is_like_floor(place) {
+            if column.is_surely_floor(place) {
                 before = Some(index);
                 continue;
             }
@@ -71,7 +91,8 @@ impl FloorFinder {
                 continue;
             }
             after = after.max(index + 1);
-            while self.columns.get(after).is_some_and(|other| !other.is_like_floor(&grid.columns()[after])) {
+            while self.columns.get(after).is_some_and(|other| !other.is_surely_floor(&grid.columns()[after]))
+            {
                 after += 1;
             }
             let sides = [before, Some(after)];
@@ -85,7 +106,7 @@ impl FloorFinder {
             let seen = self.is_one_edge(signal, grid, index, sides)
                 && (self.read_slanted(signal, grid, index, &like)
                     || self.read_clipped(signal, grid, index, &like));
-            if !seen {
+            if !seen && !self.read_uncovered(signal, grid, index, &like) {
                 self.explain(signal, grid, index, &like);
             }
         }
@@ -161,20 +182,50 @@ impl FloorFinder {
         self.pool.strip.fill(signal, grid, aside);
         let fraction = place.floor_row - place.floor_row.round();
         let expected = slanted::Expected {
-            // Beside an edge the neighbours look wider than they are.
-            width: like.width.clamp(place.width, WIDER * place.width),
+            width: like.width_at(place),
             offset: like.offset + fraction,
             tolerance: place.tolerance.min(LIKE_ROWS),
         };
         let Some(ridge) = slanted::read(&self.pool.strip, index, &expected) else { return false };
         let column = &mut self.columns[index];
-        if ridge.height < (LIKE_SHARE * like.contrast).max(SURE_CONTRAST * column.noise) {
+        // How sure it is, the reading itself has judged: the edge, which makes the column's own noise large, is not in it.
+        if ridge.height < (LIKE_SHARE * like.contrast).max(SURE_CONTRAST * LEAST_NOISE) {
             return false;
         }
         // Half rows are as fine as it sees.
-        let most = 0.9 * place.tolerance;
+        let most = WITHIN_TOLERANCE * place.tolerance;
         let row = place.floor_row + (like.offset + ridge.offset).clamp(-most, most);
-        column.peak = Some(Peak { row, contrast: ridge.height, rise: ridge.height, width: like.width });
+        column.peak =
+            Some(Peak { row, contrast: ridge.height, rise: ridge.height, width: like.width_at(place) });
+        column.pooled = Some(true);
+        true
+    }
+
+    /// Sees the column with the edge taken away that crosses it; true if the stripe is there.
+    fn read_uncovered<S: RowSearch>(
+        &mut self,
+        signal: S,
+        grid: &Grid,
+        index: usize,
+        like: &Neighbours,
+    ) -> bool {
+        let place = &grid.columns()[index];
+        let width = like.width_at(place);
+        if !self.pool.edges.covers(index, place.floor_row) {
+            let aside = straight::COLUMNS_ASIDE + 1;
+            self.pool.strip.fill(signal, grid, index.saturating_sub(aside)..index + aside);
+            self.pool.edges.look(&self.pool.strip, grid, index, width);
+        }
+        let Some(edge) = self.pool.edges.edge() else { return false };
+        let Some(ridge) = edge.uncover(&self.pool.strip, grid, index, (like.offset, width)) else {
+            return false;
+        };
+        let column = &mut self.columns[index];
+        let farthest = place.tolerance.min(LIKE_ROWS).max(straight::LEAST_FARTHEST);
+        if ridge.height < LIKE_SHARE * like.contrast || ridge.offset.abs() > farthest {
+            return false;
+        }
+        column.peak = Some(like.expected(place, ridge.height, ridge.height));
         column.pooled = Some(true);
         true
     }
@@ -196,8 +247,12 @@ impl FloorFinder {
         if (core - place.floor_row).abs() > place.tolerance {
             return false;
         }
-        column.peak =
-            Some(Peak { row: core, contrast: like.contrast, rise: like.contrast, width: like.width });
+        column.peak = Some(Peak {
+            row: core,
+            contrast: like.contrast,
+            rise: like.contrast,
+            width: like.width_at(place),
+        });
         column.pooled = Some(true);
         true
     }
@@ -205,7 +260,7 @@ impl FloorFinder {
     fn explain<S: RowSearch>(&mut self, signal: S, grid: &Grid, index: usize, like: &Neighbours) {
         let Some(samples) = measure::explained_rows(signal, grid, index) else { return };
         let (place, column) = (&grid.columns()[index], &mut self.columns[index]);
-        self.edges.set_width(like.width);
+        self.edges.set_width(like.width_at(place));
         let offset = like.offset + place.floor_row - place.floor_row.round();
         let explanation = self.edges.explain(&samples, offset);
         let least = (LIKE_SHARE * like.contrast).max(SURE_CONTRAST * column.noise);

@@ -14,6 +14,7 @@ mod tests;
 
 use statistics::{deviation, vertex};
 
+use super::straight::LastEdge;
 use super::strip::Strip;
 use super::{FRINGE_SHARE, FloorColumn, FloorFinder, GONE_SHARE, SURE_CONTRAST, pitch};
 use crate::vision::grid::Grid;
@@ -83,6 +84,8 @@ struct Answer {
 #[derive(Debug, Clone)]
 pub(super) struct Pool {
     pub(super) strip: Strip,
+    /// The edge of a paint that was looked for last.
+    pub(super) edges: LastEdge,
     answers: Vec<Answer>,
     /// Answers at the stripe's row.
     heights: Vec<f32>,
@@ -97,6 +100,7 @@ impl Pool {
     pub(super) fn new(columns: usize) -> Self {
         Self {
             strip: Strip::new(columns),
+            edges: LastEdge::NONE,
             answers: vec![Answer::default(); columns],
             heights: vec![0.0; columns],
             averages: vec![0.0; columns],
@@ -104,6 +108,12 @@ impl Pool {
             offsets: vec![0.0; columns],
             some: Vec::with_capacity(VOIDS * columns.max(1)),
         }
+    }
+
+    /// Forgets the last picture.
+    pub(super) fn clear(&mut self) {
+        self.strip.clear();
+        self.edges = LastEdge::NONE;
     }
 }
 

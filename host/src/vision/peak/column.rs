@@ -1,6 +1,7 @@
 //! A column that is looked at many times.
 
-use super::{HOLLOW_STRENGTH, Kernel, LONGEST_WINDOW, Peak, Ridge, Sums, find_above, window};
+use super::search::{HOLLOW_STRENGTH, find_above, window};
+use super::{Kernel, LONGEST_WINDOW, Peak, Ridge, Sums};
 use crate::vision::signal::Signal;
 
 /// One column of a picture with its running sums, for many looks at it: the samples of a column lie far apart in memory.
