@@ -1,6 +1,6 @@
 //! The columns in which the edge of a paint may hide the stripe, explained by both together.
 
-use super::{FloorColumn, FloorFinder, LEAST_NOISE, SURE_CONTRAST};
+use super::{BETWEEN_CONTRAST, FloorColumn, FloorFinder, LEAST_NOISE, SURE_CONTRAST};
 use super::{clipped, slanted, straight};
 use crate::vision::grid::{Grid, GridColumn};
 use crate::vision::measure;
@@ -87,7 +87,9 @@ impl FloorFinder {
                 before = Some(index);
                 continue;
             }
-            if left == 0 || column.rise < SURE_CONTRAST * column.noise {
+            // What an edge leaves of a faint stripe may be less than sure by itself.
+            let shows_something = column.rise >= BETWEEN_CONTRAST * column.noise || column.fringe.is_some();
+            if left == 0 || !shows_something {
                 continue;
             }
             after = after.max(index + 1);
