@@ -223,7 +223,7 @@ impl FloorFinder {
             return false;
         };
         let column = &mut self.columns[index];
-        let farthest = place.tolerance.min(LIKE_ROWS).max(straight::LEAST_FARTHEST);
+        let farthest = place.tolerance.clamp(straight::LEAST_FARTHEST, LIKE_ROWS);
         if ridge.height < LIKE_SHARE * like.contrast || ridge.offset.abs() > farthest {
             return false;
         }
