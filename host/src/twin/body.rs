@@ -70,6 +70,15 @@ pub struct Surface {
     pub normal: Vector,
     /// Which body; `None` is the floor.
     pub body: Option<usize>,
+    /// Which part of it; none of the floor and of a pit.
+    pub part: Option<PartOfBody>,
+}
+
+/// One convex part of a body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PartOfBody {
+    body: usize,
+    part: usize,
 }
 
 /// All bodies of a scene and the floor.
@@ -92,16 +101,55 @@ impl World {
     /// The first surface on the ray, the floor included; `None` for the sky.
     #[must_use]
     pub fn trace(&self, ray: &Ray) -> Option<Surface> {
+        let solid = self.bodies.iter().enumerate().filter(|(_, body)| !body.is_pit);
+        let near = solid.filter(|(_, body)| body.bounds.meets(ray, f64::INFINITY));
+        self.trace_parts(
+            ray,
+            near.flat_map(|(index, body)| {
+                (0..body.parts.len()).map(move |part| PartOfBody { body: index, part })
+            }),
+        )
+    }
+
+    /// As [`Self::trace`], where the caller knows that the ray can meet no other solid than these parts, which are in
+    /// the order of [`Self::parts`].
+    pub fn trace_parts(&self, ray: &Ray, parts: impl Iterator<Item = PartOfBody>) -> Option<Surface> {
         let floor = self.meet_floor(ray);
         let mut nearest = floor.map_or(f64::INFINITY, |(along, _)| along);
         let mut surface = floor.map(|(_, surface)| surface);
-        for (index, body) in self.bodies.iter().enumerate().filter(|(_, body)| !body.is_pit) {
-            if let Some(hit) = body.meet(ray, nearest) {
+        for reference in parts {
+            let PartOfBody { body, part } = reference;
+            let Some((solid, bounds)) = self.bodies.get(body).and_then(|body| body.parts.get(part)) else {
+                continue;
+            };
+            if bounds.meets(ray, nearest)
+                && let Some(hit) = solid.meet(ray)
+                && hit.along < nearest
+            {
                 nearest = hit.along;
-                surface = Some(Surface { point: ray.at(hit.along), normal: hit.normal, body: Some(index) });
+                surface = Some(Surface {
+                    point: ray.at(hit.along),
+                    normal: hit.normal,
+                    body: Some(body),
+                    part: Some(reference),
+                });
             }
         }
         surface
+    }
+
+    /// The boxes around all bodies that stand on or over the floor, and their parts.
+    pub(super) fn solids(&self) -> impl Iterator<Item = (&Bounds, &[(Primitive, Bounds)])> {
+        self.bodies.iter().filter(|body| !body.is_pit).map(|body| (&body.bounds, body.parts.as_slice()))
+    }
+
+    /// All parts that stand on or over the floor, with the boxes around them.
+    pub fn parts(&self) -> impl Iterator<Item = (PartOfBody, &Bounds)> {
+        let solid = self.bodies.iter().enumerate().filter(|(_, body)| !body.is_pit);
+        solid.flat_map(|(index, body)| {
+            let parts = body.parts.iter().enumerate();
+            parts.map(move |(part, (_, bounds))| (PartOfBody { body: index, part }, bounds))
+        })
     }
 
     /// True if anything stands between two points; surfaces at the far end do not count.
@@ -118,21 +166,40 @@ impl World {
         self.bodies.iter().any(|body| !body.is_pit && body.meet(&ray, END).is_some())
     }
 
-    /// For each of several points: distance to the nearest body (not the floor), at most that point's limit. All
-    /// points must lie within `reach` of the first point's surroundings: only bodies that near are looked at.
+    /// For each of several points over a surface, along its normal: distance to the nearest body (not the floor), at most
+    /// that point's limit, which is what `nearest` holds before. `away` is how far each point lies from the surface; only
+    /// parts of bodies within `reach` of it are looked at.
     pub fn clearances<const N: usize>(
         &self,
-        around: Vector,
+        surface: &Surface,
         reach: f64,
         points: &[Vector; N],
+        away: &[f64; N],
         nearest: &mut [f64; N],
     ) {
-        for body in self.bodies.iter().filter(|body| !body.is_pit && body.bounds.is_within(around, reach)) {
-            for (part, bounds) in &body.parts {
-                if bounds.is_within(around, reach) {
-                    for (point, distance) in points.iter().zip(nearest.iter_mut()) {
-                        *distance = distance.min(part.distance(*point));
+        /// Rounding, millimetres.
+        const SLACK: f64 = 1e-6;
+        let (around, square) = (surface.point, reach * reach);
+        for (index, body) in self.bodies.iter().enumerate() {
+            if body.is_pit || !body.bounds.is_within(around, reach) {
+                continue;
+            }
+            for (part, (solid, bounds)) in body.parts.iter().enumerate() {
+                // The ellipsoid's distance is no true one: less than that to its box.
+                let is_true = !matches!(solid, Primitive::Ellipsoid(..));
+                let from_here = bounds.distance_squared(around);
+                // A convex solid does not come nearer to what leaves it along its normal.
+                let is_own = surface.part == Some(PartOfBody { body: index, part });
+                if from_here >= square || (is_true && is_own) {
+                    continue;
+                }
+                let from_here = from_here.sqrt();
+                for ((point, away), nearest) in points.iter().zip(away).zip(nearest.iter_mut()) {
+                    // What is too far from here to be nearer to the point is not asked.
+                    if is_true && from_here - away > *nearest + SLACK {
+                        continue;
                     }
+                    *nearest = nearest.min(solid.distance(*point));
                 }
             }
         }
@@ -151,13 +218,13 @@ impl World {
                 let inside = Ray { start: point.plus(ray.direction.scaled(1e-9)), direction: ray.direction };
                 let hit = pit.meet(&inside)?;
                 let far = along + hit.along;
-                let surface =
-                    Surface { point: ray.at(far), normal: hit.normal.scaled(-1.0), body: Some(index) };
+                let normal = hit.normal.scaled(-1.0);
+                let surface = Surface { point: ray.at(far), normal, body: Some(index), part: None };
                 return Some((far, surface));
             }
         }
         let up = if ray.direction.z < 0.0 { 1.0 } else { -1.0 };
-        Some((along, Surface { point, normal: Vector::new(0.0, 0.0, up), body: None }))
+        Some((along, Surface { point, normal: Vector::new(0.0, 0.0, up), body: None, part: None }))
     }
 }
 

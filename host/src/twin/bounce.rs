@@ -15,7 +15,7 @@ use super::sheet::Sheet;
 const PIECE_MM: f64 = 1.0;
 /// Light farther from its lamp than this is left out, and fades out before, millimetres: redrawn are only the
 /// surroundings of objects.
-const REACH_MM: f64 = 90.0;
+pub const REACH_MM: f64 = 90.0;
 /// A mirrored ray closer to grazing than this lights nothing.
 const LEAST_COSINE: f64 = 1e-3;
 

@@ -2,7 +2,7 @@
 
 use nearfield_shared::camera::Vector;
 
-use super::body::{FloorAxes, World};
+use super::body::{FloorAxes, Surface, World};
 use super::material::{LinearColour, Material};
 use super::scene::Light;
 use super::shape::normalised;
@@ -10,7 +10,7 @@ use super::shape::normalised;
 /// Contact shadows reach this far, millimetres.
 pub const SHADOW_REACH_MM: f64 = 60.0;
 /// Heights over the surface at which the open space is probed for the contact shadow, millimetres.
-const PROBES_MM: [f64; 4] = [4.0, 12.0, 28.0, 56.0];
+pub const PROBES_MM: [f64; 4] = [4.0, 12.0, 28.0, 56.0];
 /// Share of the light that comes evenly from above and around; the rest comes from the main direction.
 const EVEN_SHARE: f64 = 0.65;
 /// Sine of the main light's height over the horizon.
@@ -58,19 +58,29 @@ impl Daylight {
         let even = EVEN_SHARE * (0.55 + 0.45 * normal.z);
         let main = (1.0 - EVEN_SHARE) * (normal.dot(self.main).max(0.0) / MAIN_ELEVATION);
         let level = self.on_floor(point);
-        let half = normalised(self.main.plus(towards_eye));
-        let shine =
-            f64::from(material.gloss) * 0.35 * normal.dot(half).max(0.0).powf(f64::from(material.tightness));
+        let shine = if material.gloss > 0.0 {
+            let half = normalised(self.main.plus(towards_eye));
+            f64::from(material.gloss) * 0.35 * normal.dot(half).max(0.0).powf(f64::from(material.tightness))
+        } else {
+            0.0
+        };
         material.albedo.map(|share| (level * (f64::from(share) * (even + main) + shine)) as f32)
     }
 }
 
-/// How much of the open sky a point near bodies still sees, 1 in the open; from the distance field above the surface.
+/// How much of the open sky a surface near bodies still sees, 1 in the open; from the distance field above it.
 #[must_use]
-pub fn openness(world: &World, point: Vector, normal: Vector) -> f64 {
-    let probes = PROBES_MM.map(|height| point.plus(normal.scaled(height)));
+pub fn openness(world: &World, surface: &Surface) -> f64 {
+    let probes = PROBES_MM.map(|height| surface.point.plus(surface.normal.scaled(height)));
     let mut free = PROBES_MM;
-    world.clearances(point, SHADOW_REACH_MM, &probes, &mut free);
+    world.clearances(surface, SHADOW_REACH_MM, &probes, &PROBES_MM, &mut free);
+    share_of_sky(free)
+}
+
+/// The share of the sky that is left where these are the distances to the nearest body from the probes.
+#[must_use]
+#[inline(always)]
+pub fn share_of_sky(free: [f64; 4]) -> f64 {
     let mut lost = 0.0;
     let mut weight = 0.30;
     for (height, free) in PROBES_MM.into_iter().zip(free) {
@@ -101,7 +111,10 @@ mod tests {
         };
         let world = World::new(&axes, &[object]).unwrap();
         let up = Vector::new(0.0, 0.0, 1.0);
-        let at = |away: f64| openness(&world, axes.place(50.0 + away, 0.0, 0.0), up);
+        let at = |away: f64| {
+            let point = axes.place(50.0 + away, 0.0, 0.0);
+            openness(&world, &Surface { point, normal: up, body: None, part: None })
+        };
         assert!(
             at(1.0) < at(10.0) && at(10.0) < at(40.0) && at(40.0) <= 1.0,
             "{} {} {}",

@@ -23,7 +23,7 @@
 //! | [`scene`], [`material`], [`gallery`] | what is there: files, materials, ready-made and random scenes |
 //! | [`view`] | a rig's lines of sight, computed once |
 //! | [`shape`], [`body`] | solids and what a ray meets |
-//! | [`floor`], [`light`], [`sheet`], [`bounce`] | colours of floors, daylight, the laser's sheet, light thrown on by bodies |
+//! | [`floor`], [`light`], [`open_floor`], [`sheet`], [`bounce`] | colours of floors, daylight and its shadows, the laser's sheet, light thrown on by bodies |
 //! | [`patch`], [`sensor`], [`picture`] | lens blur, noise and colour, bytes |
 //! | [`render`] | all of it together: [`Twin`] |
 //! | [`sequence`] | a robot and objects that move, rolling shutter: [`Sequence`] |
@@ -42,6 +42,7 @@ pub mod floor;
 pub mod gallery;
 pub mod light;
 pub mod material;
+pub mod open_floor;
 pub mod patch;
 pub mod picture;
 pub mod random;

@@ -3,6 +3,10 @@
 use rayon::prelude::*;
 
 use super::view::PixelRectangle;
+use crate::simd::{self, Kernel};
+
+/// Columns that the wide fall-off is followed down at a time.
+const BLOCK: usize = 128;
 
 /// The values of one plane within a rectangle, row by row.
 #[derive(Debug, Clone)]
@@ -38,23 +42,33 @@ impl Patch {
         self.area.right - self.area.left
     }
 
-    /// Smears it with a symmetric kernel ([`gaussian`]); beyond its edges the edge's value goes on.
+    /// Smears it with a symmetric kernel ([`gaussian`]); beyond its edges the edge's value goes on. Rows without any light
+    /// near cost nothing.
     pub fn blur(&mut self, kernel: &[f32]) {
         if kernel.len() < 2 || self.values.is_empty() {
             return;
         }
         let width = self.width();
-        let rows = self.values.len() / width;
+        let lit = self.lit_rows();
         let mut across = vec![0.0_f32; self.values.len()];
-        across.par_chunks_mut(width).zip(self.values.par_chunks(width)).for_each(|(to, from)| {
-            blur_line(from, to, kernel);
-        });
+        let lines = across.par_chunks_mut(width).zip(self.values.par_chunks(width)).zip(&lit);
+        lines.filter(|(_, lit)| **lit).for_each(|((to, from), _)| simd::run(Line { from, to, kernel }));
+        let (reach, last) = (kernel.len() - 1, lit.len() - 1);
         self.values.par_chunks_mut(width).enumerate().for_each(|(row, to)| {
-            let line = |index: usize| &across[index * width..(index + 1) * width];
-            scale_into(to, line(row), kernel[0]);
+            let near = row.saturating_sub(reach)..=(row + reach).min(last);
+            if !lit[near].contains(&true) {
+                return;
+            }
+            to.fill(0.0);
+            let mut add = |row: usize, weight: f32| {
+                if lit[row] {
+                    simd::run(Add { to, from: &across[row * width..(row + 1) * width], weight });
+                }
+            };
+            add(row, kernel[0]);
             for (offset, weight) in kernel.iter().enumerate().skip(1) {
-                add_into(to, line(row.saturating_sub(offset)), *weight);
-                add_into(to, line((row + offset).min(rows - 1)), *weight);
+                add(row.saturating_sub(offset), *weight);
+                add((row + offset).min(last), *weight);
             }
         });
     }
@@ -63,64 +77,138 @@ impl Patch {
     /// recursive filters, so the cost does not depend on the reach).
     pub fn spread(&mut self, reach: f64) {
         let width = self.width();
+        if self.values.is_empty() {
+            return;
+        }
         let keep = (-1.0 / reach.max(0.1)).exp() as f32;
-        self.values.par_chunks_mut(width).for_each(|line| {
-            let mut carried = 0.0;
-            for value in line.iter_mut() {
-                carried = keep * carried + (1.0 - keep) * *value;
-                *value = carried;
+        let lit = self.lit_rows();
+        let lines = self.values.par_chunks_mut(width).zip(&lit);
+        lines.filter(|(_, lit)| **lit).for_each(|(line, _)| {
+            follow(line.iter_mut(), keep);
+            follow(line.iter_mut().rev(), keep);
+        });
+        self.spread_down(keep, &lit);
+    }
+
+    /// The vertical half of [`Self::spread`], a few columns at a time: all of their rows fit into a processor's cache.
+    fn spread_down(&mut self, keep: f32, lit: &[bool]) {
+        let (width, rows) = (self.width(), lit.len());
+        let mut blocks = vec![0.0_f32; width.div_ceil(BLOCK) * rows * BLOCK];
+        let values = &self.values;
+        blocks.par_chunks_mut(rows * BLOCK).enumerate().for_each(|(index, block)| {
+            let columns = index * BLOCK..((index + 1) * BLOCK).min(width);
+            let lines = block.chunks_exact_mut(BLOCK).enumerate().filter(|(row, _)| lit[*row]);
+            for (row, line) in lines {
+                let start = row * width;
+                let from = &values[start + columns.start..start + columns.end];
+                line[..from.len()].copy_from_slice(from);
             }
-            carried = 0.0;
-            for value in line.iter_mut().rev() {
-                carried = keep * carried + (1.0 - keep) * *value;
-                *value = carried;
+            simd::run(Down { block, keep });
+        });
+        self.values.par_chunks_mut(width).enumerate().for_each(|(row, line)| {
+            for (index, to) in line.chunks_mut(BLOCK).enumerate() {
+                let start = (index * rows + row) * BLOCK;
+                to.copy_from_slice(&blocks[start..start + to.len()]);
             }
         });
-        let rows = self.values.len() / width;
-        let mut carried = vec![0.0_f32; width];
-        for order in [false, true] {
-            carried.fill(0.0);
-            for step in 0..rows {
-                let row = if order { rows - 1 - step } else { step };
-                let line = &mut self.values[row * width..(row + 1) * width];
-                for (value, memory) in line.iter_mut().zip(&mut carried) {
-                    *memory = keep * *memory + (1.0 - keep) * *value;
-                    *value = *memory;
-                }
+    }
+
+    /// Rows that are not all dark.
+    fn lit_rows(&self) -> Vec<bool> {
+        self.values.par_chunks(self.width()).map(|row| row.iter().any(|value| *value != 0.0)).collect()
+    }
+}
+
+/// One pass of the recursive filter.
+fn follow<'a>(values: impl Iterator<Item = &'a mut f32>, keep: f32) {
+    let mut carried = 0.0;
+    for value in values {
+        carried = keep * carried + (1.0 - keep) * *value;
+        *value = carried;
+    }
+}
+
+/// The recursive filter down and up a block of [`BLOCK`] columns.
+struct Down<'a> {
+    block: &'a mut [f32],
+    keep: f32,
+}
+
+impl Kernel for Down<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { block, keep } = self;
+        let step = |carried: &mut [f32; BLOCK], line: &mut [f32]| {
+            for (value, memory) in line.iter_mut().zip(carried) {
+                *memory = keep * *memory + (1.0 - keep) * *value;
+                *value = *memory;
             }
-        }
+        };
+        let mut carried = [0.0; BLOCK];
+        block.chunks_exact_mut(BLOCK).for_each(|line| step(&mut carried, line));
+        carried = [0.0; BLOCK];
+        block.chunks_exact_mut(BLOCK).rev().for_each(|line| step(&mut carried, line));
     }
 }
 
-fn blur_line(from: &[f32], to: &mut [f32], kernel: &[f32]) {
-    let reach = kernel.len() - 1;
-    let last = from.len() - 1;
-    let slow = |x: usize| {
-        let mut sum = kernel[0] * from[x];
+/// A row added to another.
+struct Add<'a> {
+    to: &'a mut [f32],
+    from: &'a [f32],
+    weight: f32,
+}
+
+impl Kernel for Add<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        add_into(self.to, self.from, self.weight);
+    }
+}
+
+/// The kernel along one row.
+struct Line<'a> {
+    from: &'a [f32],
+    to: &'a mut [f32],
+    kernel: &'a [f32],
+}
+
+impl Kernel for Line<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { from, to, kernel } = self;
+        let reach = kernel.len() - 1;
+        let last = from.len() - 1;
+        let slow = |x: usize| {
+            let mut sum = kernel[0] * from[x];
+            for (offset, weight) in kernel.iter().enumerate().skip(1) {
+                sum += weight * (from[x.saturating_sub(offset)] + from[(x + offset).min(last)]);
+            }
+            sum
+        };
+        if from.len() <= 2 * reach {
+            to.iter_mut().enumerate().for_each(|(x, value)| *value = slow(x));
+            return;
+        }
+        for x in (0..reach).chain(from.len() - reach..from.len()) {
+            to[x] = slow(x);
+        }
+        let inner = reach..from.len() - reach;
+        to[inner.clone()].fill(0.0);
+        add_into(&mut to[inner.clone()], &from[inner.clone()], kernel[0]);
         for (offset, weight) in kernel.iter().enumerate().skip(1) {
-            sum += weight * (from[x.saturating_sub(offset)] + from[(x + offset).min(last)]);
+            add_into(&mut to[inner.clone()], &from[reach - offset..from.len() - reach - offset], *weight);
+            add_into(&mut to[inner.clone()], &from[reach + offset..from.len() - reach + offset], *weight);
         }
-        sum
-    };
-    if from.len() <= 2 * reach {
-        to.iter_mut().enumerate().for_each(|(x, value)| *value = slow(x));
-        return;
-    }
-    for x in (0..reach).chain(from.len() - reach..from.len()) {
-        to[x] = slow(x);
-    }
-    let inner = reach..from.len() - reach;
-    scale_into(&mut to[inner.clone()], &from[inner.clone()], kernel[0]);
-    for (offset, weight) in kernel.iter().enumerate().skip(1) {
-        add_into(&mut to[inner.clone()], &from[reach - offset..from.len() - reach - offset], *weight);
-        add_into(&mut to[inner.clone()], &from[reach + offset..from.len() - reach + offset], *weight);
     }
 }
 
-fn scale_into(to: &mut [f32], from: &[f32], weight: f32) {
-    to.iter_mut().zip(from).for_each(|(value, other)| *value = weight * other);
-}
-
+#[inline(always)]
 fn add_into(to: &mut [f32], from: &[f32], weight: f32) {
     to.iter_mut().zip(from).for_each(|(value, other)| *value += weight * other);
 }

@@ -77,13 +77,33 @@ impl Bounds {
     /// True if a point lies inside or within `reach` of it.
     #[must_use]
     pub fn is_within(&self, point: Vector, reach: f64) -> bool {
+        self.distance_squared(point) < reach * reach
+    }
+
+    /// Square of a point's distance from it, 0 inside.
+    #[must_use]
+    pub fn distance_squared(&self, point: Vector) -> f64 {
         let beyond = |value: f64, low: f64, high: f64| (low - value).max(value - high).max(0.0);
         let away = Vector::new(
             beyond(point.x, self.low.x, self.high.x),
             beyond(point.y, self.low.y, self.high.y),
             beyond(point.z, self.low.z, self.high.z),
         );
-        away.dot(away) < reach * reach
+        away.dot(away)
+    }
+
+    /// Points on its twelve edges, no two neighbours farther apart than `step`, with all corners.
+    pub fn edge_points(&self, step: f64) -> impl Iterator<Item = Vector> {
+        /// Ends of the edges by the numbers of the corners (see [`Self::corners`]).
+        const EDGES: [(usize, usize); 12] =
+            [(0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7)];
+        let corners = self.corners(0.0);
+        EDGES.into_iter().flat_map(move |(from, to)| {
+            let way = corners[to].minus(corners[from]);
+            let pieces = (length(way) / step).ceil().clamp(1.0, 1000.0) as u32;
+            (0..=pieces)
+                .map(move |piece| corners[from].plus(way.scaled(f64::from(piece) / f64::from(pieces))))
+        })
     }
 
     /// The eight corners, after growing by `margin` sideways and upwards.
@@ -183,9 +203,10 @@ impl Primitive {
             }
             Self::Cylinder(frame, radius, tall) => {
                 let p = frame.localise(point);
-                let side = p.x.hypot(p.y) - radius;
+                let side = (p.x * p.x + p.y * p.y).sqrt() - radius;
                 let end = (p.z - tall / 2.0).abs() - tall / 2.0;
-                side.max(0.0).hypot(end.max(0.0)) + side.max(end).min(0.0)
+                let (beside, beyond) = (side.max(0.0), end.max(0.0));
+                (beside * beside + beyond * beyond).sqrt() + side.max(end).min(0.0)
             }
             Self::Capsule(a, b, radius) => length(point.minus(nearest_on_segment(*a, *b, point))) - radius,
             Self::Ellipsoid(frame, half) => {

@@ -73,9 +73,18 @@ impl Sheet {
     /// True if a point may be lit, judged by its distance from the sheet's middle plane only.
     #[must_use]
     pub fn is_near(&self, point: Vector) -> bool {
+        (self.laser.normal.dot(point) - self.laser.offset).abs() < self.near_mm()
+    }
+
+    /// The sheet's middle plane, as normal and offset, and how far from it a point may be lit, millimetres.
+    #[must_use]
+    pub fn slab(&self) -> (Vector, f64, f64) {
+        (self.laser.normal, self.laser.offset, self.near_mm())
+    }
+
+    fn near_mm(&self) -> f64 {
         const NEAR_MM: f64 = 12.0;
-        let near = NEAR_MM.max(1.5 * self.focus_width);
-        (self.laser.normal.dot(point) - self.laser.offset).abs() < near
+        NEAR_MM.max(1.5 * self.focus_width)
     }
 
     /// Irradiance of a surface at `point`, averaged over one pixel, relative to a surface that faces the laser in the

@@ -136,6 +136,18 @@ impl View {
         Ray { start: self.centre, direction: Vector::new(f64::from(x), f64::from(y), f64::from(z)) }
     }
 
+    /// The lines of sight of a row's pixels, as they are kept: directions scaled to depth 1, NaN beyond the lens model.
+    #[must_use]
+    pub fn sights(&self, row: usize) -> &[[f32; 3]] {
+        &self.sights[row * self.width()..(row + 1) * self.width()]
+    }
+
+    /// Where the camera is.
+    #[must_use]
+    pub const fn centre(&self) -> Vector {
+        self.centre
+    }
+
     /// How far the point on a surface moves from one pixel to the next, to the right and down, millimetres: the
     /// surface is taken as its tangent plane.
     #[must_use]
@@ -150,27 +162,42 @@ impl View {
         })
     }
 
+    /// The rectangle of pixels that may show anything within the bounds; the whole picture if part of them lies behind the
+    /// camera.
+    #[must_use]
+    pub fn outline_of(&self, bounds: &Bounds) -> PixelRectangle {
+        /// Edges are followed in steps of this length, millimetres ...
+        const STEP_MM: f64 = 40.0;
+        /// ... between which lens distortion bends them by less than this, pixels.
+        const BEND: f64 = 8.0;
+        self.rectangle_around(bounds.edge_points(STEP_MM), BEND)
+    }
+
     /// The rectangle of pixels that may show anything within the bounds, grown sideways by `margin_mm`; the whole
     /// picture if part of it lies behind the camera.
     #[must_use]
     pub fn rectangle_of(&self, bounds: &Bounds, margin_mm: f64) -> PixelRectangle {
         /// Lens distortion bends edges between corners by less than this.
         const BEND: f64 = 8.0;
+        self.rectangle_around(bounds.corners(margin_mm).into_iter(), BEND)
+    }
+
+    fn rectangle_around(&self, points: impl Iterator<Item = Vector>, bend: f64) -> PixelRectangle {
         let (width, height) = (self.width() as f64, self.height() as f64);
         let mut low = (f64::INFINITY, f64::INFINITY);
         let mut high = (f64::NEG_INFINITY, f64::NEG_INFINITY);
-        for corner in bounds.corners(margin_mm) {
-            let Some(pixel) = self.rig.camera().project(corner) else {
+        for point in points {
+            let Some(pixel) = self.rig.camera().project(point) else {
                 return PixelRectangle { left: 0, top: 0, right: self.width(), bottom: self.height() };
             };
             low = (low.0.min(pixel.u), low.1.min(pixel.v));
             high = (high.0.max(pixel.u), high.1.max(pixel.v));
         }
         PixelRectangle {
-            left: (low.0 - BEND).clamp(0.0, width) as usize,
-            top: (low.1 - BEND).clamp(0.0, height) as usize,
-            right: (high.0 + BEND).clamp(0.0, width) as usize,
-            bottom: (high.1 + BEND).clamp(0.0, height) as usize,
+            left: (low.0 - bend).clamp(0.0, width) as usize,
+            top: (low.1 - bend).clamp(0.0, height) as usize,
+            right: (high.0 + bend).clamp(0.0, width) as usize,
+            bottom: (high.1 + bend).clamp(0.0, height) as usize,
         }
     }
 }

@@ -1,4 +1,8 @@
 //! The project's chores, quick to build. `cargo xtask help` tells what there is.
+//!
+//! A module is a chore; this file has the list, and the help that users read. `run` starts programs and says what failed,
+//! `setup` and `tools` fetch what a chore needs, and all others begin with them: read these three first. The rule that holds: a
+//! chore sets up what it needs by itself, and what could not be done is an error or a line that says so, never silence.
 
 mod audit;
 mod bench;
@@ -12,6 +16,7 @@ mod miri;
 mod mutants;
 mod panic_free;
 mod pi;
+mod quotations;
 mod report;
 mod ros2;
 mod run;
