@@ -192,7 +192,7 @@ mod tests {
 
     #[test]
     fn a_red_cable_that_hangs_across_a_part_of_the_picture_is_no_stripe() {
-        let hanging = |along: f32| (along < 50.0).then(|| 40.0 + 0.03 * (along - 25.0) * (along - 25.0));
+        let hanging = |along: f32| (along < 50.0).then_some(40.0 + 0.03 * (along - 25.0) * (along - 25.0));
         assert_eq!(find_stripe(&picture(false, 90.0, true, hanging).view()), None);
         let whole = |along: f32| Some(20.0 + 0.003 * (along - 10.0) * (along - 10.0));
         assert!(find_stripe(&picture(false, 90.0, true, whole).view()).is_some());
