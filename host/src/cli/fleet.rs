@@ -16,7 +16,7 @@ use serde::Serialize;
 
 /// A table of robots, the worst first: each has the worst verdict of its modules; who is silent for a second is lost.
 ///
-/// Modules report to it where their configuration says so ([fleet]). It shows and never sends: the relays stop the robots,
+/// Modules report to it where their configuration says so (section `fleet`). It shows and never sends: the relays stop the robots,
 /// whoever looks. On a terminal the table is drawn anew twice a second; otherwise each drawing follows the last one.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
