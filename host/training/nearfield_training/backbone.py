@@ -77,12 +77,12 @@ class ScaledConvolution(nn.Module):
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         """Features in, features out."""
         kernel = self.kernel if self.folded else self.kernel * self.factor[:, None, None, None]
-        if x.requires_grad and self.stride == 2 and self.groups == len(kernel) and not kernel.requires_grad:
+        if self.training and x.requires_grad and self.stride == 2 and self.groups == len(kernel) and not kernel.requires_grad:
             types = torch.get_autocast_dtype("cpu") if torch.is_autocast_enabled("cpu") else x.dtype
             y = SkippingFilter.apply(x.to(types), kernel.to(types), self.offset.to(types))
         else:
             y = nn.functional.conv2d(x, kernel, self.offset, self.stride, self.padding, 1, self.groups)
-        return nn.functional.hardtanh(y, 0.0, 6.0, inplace=True) if self.active else y
+        return nn.functional.hardtanh(y, 0.0, 6.0, inplace=self.training) if self.active else y
 
     @torch.no_grad()
     def fold(self) -> None:

@@ -178,7 +178,7 @@ mod tests {
             for column in 0..400_u16 {
                 let distance = f32::from(row) - offset(f32::from(column));
                 let light = 900.0 * (-distance * distance / 180.0).exp();
-                let grain = f32::from((row * 31 + column * 17 + row * column) % 7);
+                let grain = f32::from((row * 31 + column * 17) % 7);
                 let red = 60.0 + grain + light;
                 let green = 60.0 + grain + (light - 300.0).max(0.0) / 8.0;
                 rgb.extend([red, green, green].map(|value| value.min(255.0) as u8));
