@@ -30,6 +30,9 @@ const MOST_COVER: f32 = 0.65;
 /// ... or at least this share lies on one straight line, which a sheet of light draws on every floor and wall. A red cable
 /// that hangs or lies about is thin, long and as bright in its middle, but short of the picture and bent.
 const STRAIGHT_COVER: f32 = 0.3;
+/// ... or nearly all of what is seen does, and that is not too little: a faint stripe is seen only in places.
+const LEAST_COVER: f32 = 0.2;
+const STRAIGHT_SHARE_OF_COVER: f32 = 0.85;
 /// How far a straight line's points may lie from it: this share of the picture (lenses bend lines), but at least so many samples.
 const STRAIGHT_SHARE: f32 = 0.004;
 const STRAIGHT_SAMPLES: f32 = 2.0;
@@ -95,8 +98,10 @@ impl Path {
         });
         let cover: usize = stretches.iter().map(Vec::len).sum();
         let longest = stretches.iter().map(Vec::len).max().unwrap_or(0);
-        let crosses = cover as f32 >= MOST_COVER * width
-            || on_one_line(&stretches, width) as f32 >= STRAIGHT_COVER * width;
+        let (cover, straight) = (cover as f32, on_one_line(&stretches, width) as f32);
+        let crosses = cover >= MOST_COVER * width
+            || straight >= STRAIGHT_COVER * width
+            || (cover >= LEAST_COVER * width && straight >= STRAIGHT_SHARE_OF_COVER * cover);
         (crosses && longest as f32 >= LONGEST_STRETCH_SHARE * width).then_some(Self { stretches })
     }
 
