@@ -10,6 +10,7 @@
 mod beside_edges;
 mod clipped;
 mod pooled;
+mod rim;
 mod slanted;
 mod straight;
 mod strip;
@@ -42,6 +43,10 @@ const BRIDGED_MM: f32 = 1.0;
 const GLOW_WIDTH: f32 = 2.0;
 /// ... and dimmer than this share of its usual contrast.
 const GLOW_SHARE: f32 = 0.5;
+/// Between two bright columns this near on both sides, samples, what has less than this share of the weaker one's contrast is
+/// what lens and sensor spread of them: some twentieth was seen beside a black cable.
+const HALO_COLUMNS: usize = 8;
+const HALO_SHARE: f32 = 0.08;
 /// The background's variation is pooled over this many columns on both sides.
 const POOLED_COLUMNS: usize = 16;
 /// ... and is not believed above so many times the median over the stripe.
@@ -92,9 +97,11 @@ impl FloorColumn {
             })
     }
 
-    /// Surely lit at the floor's row, by itself or together with its neighbours.
-    fn is_surely_floor(&self, place: &GridColumn) -> bool {
-        self.is_like_floor(place) || (self.pooled == Some(true) && self.is_at(place))
+    /// Surely lit at the floor's row, by itself or together with its neighbours, and no wider than `widest`: what is wider
+    /// there is where a stripe on a thing climbs away.
+    fn is_surely_floor(&self, place: &GridColumn, widest: f32) -> bool {
+        let by_itself = self.is_like_floor(place) && self.peak.is_some_and(|peak| peak.width <= widest);
+        by_itself || (self.pooled == Some(true) && self.is_at(place))
     }
 
     /// Is its ridge at the floor's row?
@@ -156,6 +163,14 @@ fn median(values: &mut [f32]) -> f32 {
     values.sort_unstable_by(f32::total_cmp);
     let count = values.partition_point(|value| !value.is_nan());
     values[..count].get(count / 2).copied().unwrap_or(f32::INFINITY)
+}
+
+/// Is a column's contrast no more than what the lens spreads of bright columns near it on both sides?
+fn is_halo(contrasts: &[f32], index: usize) -> bool {
+    let strongest = |range: std::ops::Range<usize>| contrasts[range].iter().copied().fold(0.0, f32::max);
+    let before = strongest(index.saturating_sub(HALO_COLUMNS)..index);
+    let after = strongest(index + 1..(index + 1 + HALO_COLUMNS).min(contrasts.len()).max(index + 1));
+    contrasts[index] < HALO_SHARE * before.min(after)
 }
 
 /// Mean of the values within [`POOLED_COLUMNS`] on both sides that are not NaN; infinite where there are none, so
@@ -263,6 +278,9 @@ impl FloorFinder {
             if let Some(peak) = found.peak.filter(|peak| is_fringe(signal, grid.first() + index, peak)) {
                 (found.peak, found.fringe) = (None, Some(peak));
             }
+            if found.peak.is_some_and(|peak| rim::is_rim(signal, grid.first() + index, &peak)) {
+                found.peak = None;
+            }
         }
     }
 
@@ -278,7 +296,7 @@ impl FloorFinder {
             let glow = column.peak.is_none_or(|peak| {
                 peak.width > GLOW_WIDTH * usual.width && peak.contrast < GLOW_SHARE * usual.contrast
             });
-            let sure = !glow && column.significance() >= SURE_CONTRAST;
+            let sure = !glow && column.significance() >= SURE_CONTRAST && !is_halo(&self.scratch, index);
             // How much of the strongest contrast around is left; NaN where there is no stripe to judge.
             let share = match column.pooled {
                 Some(true) => 1.0,

@@ -1,6 +1,6 @@
 //! The columns in which the edge of a paint may hide the stripe, explained by both together.
 
-use super::{BETWEEN_CONTRAST, FloorColumn, FloorFinder, LEAST_NOISE, SURE_CONTRAST};
+use super::{BETWEEN_CONTRAST, FloorColumn, FloorFinder, GLOW_WIDTH, LEAST_NOISE, SURE_CONTRAST};
 use super::{clipped, slanted, straight};
 use crate::vision::grid::{Grid, GridColumn};
 use crate::vision::measure;
@@ -79,11 +79,12 @@ impl FloorFinder {
     /// Explains the columns in which the edge of a paint may hide the stripe.
     pub(super) fn explain_edges<S: RowSearch>(&mut self, signal: S, grid: &Grid) {
         let mut left = MOST_EXPLAINED;
+        let widest = GLOW_WIDTH * self.usual.width;
         let mut before: Option<usize> = None;
         let mut after = 0;
         for (index, place) in grid.columns().iter().enumerate() {
             let column = &self.columns[index];
-            if column.is_surely_floor(place) {
+            if column.is_surely_floor(place, widest) {
                 before = Some(index);
                 continue;
             }
@@ -93,8 +94,12 @@ impl FloorFinder {
                 continue;
             }
             after = after.max(index + 1);
-            while self.columns.get(after).is_some_and(|other| !other.is_surely_floor(&grid.columns()[after]))
-            {
+            let is_doubtful = |after: usize| {
+                self.columns
+                    .get(after)
+                    .is_some_and(|other| !other.is_surely_floor(&grid.columns()[after], widest))
+            };
+            while is_doubtful(after) {
                 after += 1;
             }
             let sides = [before, Some(after)];

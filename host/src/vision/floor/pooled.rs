@@ -195,6 +195,12 @@ impl FloorFinder {
                 continue;
             }
             let noise = of_averages * SURE_AVERAGE / SURE_CONTRAST;
+            // Where the rows aside vary more than what is right beside the stripe (something lies there), the average's
+            // own variation is not known: then the column speaks for itself.
+            let is_unsure = average < sure && average >= beside.max(glow) && noise > column.noise;
+            if is_unsure && column.significance() >= SURE_CONTRAST {
+                continue;
+            }
             let column = &mut self.columns[index];
             if lit && (average / noise > column.significance() || !column.is_at(place)) {
                 (column.peak, column.noise) = (Some(peak), noise);
