@@ -26,9 +26,19 @@ const HEIGHT_QUANTILE: f32 = 0.95;
 /// Heights are smoothed over this many points of a line before, so that the quantile is not the noise's.
 const SMOOTHED_POINTS: usize = 5;
 
-/// An object of which the stripe is seen on less than this share of its gap has no known height: what is seen is a rim,
-/// and the rest may be higher. The floor that an object hides from the camera takes a part of the gap too, hence no more.
-const LEAST_SEEN: f32 = 0.25;
+/// An object that explains less than this share of its gap has no known height: what is seen is a rim, and the rest may be
+/// higher. The gap is explained where its light is seen on the object, and where the object hides the floor.
+const LEAST_EXPLAINED: f32 = 0.6;
+/// The same for a drop: its edges hide next to nothing of it, and what looks like one may be the rim of something bright.
+const LEAST_EXPLAINED_DROP: f32 = 0.8;
+/// So many points this far above the floor and as many this far below it contradict each other: the rims of something
+/// overexposed look like that, and so may a thing in a hole. Millimetres.
+const POINTS_OF_A_SIDE: usize = 3;
+const SIDE_MM: f32 = 2.0;
+/// A point stands for so much of the stripe to both sides, millimetres ...
+const POINT_REACH_MM: f32 = 2.0;
+/// ... and for so many image columns in which it may hide the floor.
+const POINT_COLUMNS: usize = 2;
 
 /// The mean magnitude of a normal value is this part of its standard deviation, inverted.
 const MEAN_TO_DEVIATION: f32 = 1.25;
@@ -74,6 +84,8 @@ pub struct Analyser {
     objects: Vec<StripeObject>,
     sorted: Vec<Sample>,
     smoothed: Vec<f32>,
+    /// For each watched column: does a point off the floor tell why its floor is dark?
+    explained: Vec<bool>,
     stripe: Stripe,
     rig_deviation: RigDeviation,
 }
@@ -110,6 +122,7 @@ impl Analyser {
             objects: Vec::with_capacity(columns),
             sorted: Vec::with_capacity(4 * columns),
             smoothed: Vec::with_capacity(4 * columns),
+            explained: Vec::with_capacity(columns),
         })
     }
 
@@ -234,12 +247,65 @@ impl Analyser {
 
     /// Too little of an object is seen to say how high it is.
     fn doubt_objects(&mut self) {
+        if self.objects.iter().all(|object| object.height.is_none()) {
+            return;
+        }
+        self.explain_columns();
         for object in self.objects.iter_mut().filter(|object| object.height.is_some()) {
-            let (start, end) = (object.start.get(), object.end.get());
-            let middle = f32::midpoint(start, end);
+            let middle = f32::midpoint(object.start.get(), object.end.get());
             let gap = self.gaps.iter().find(|gap| (gap.start.get()..=gap.end.get()).contains(&middle));
-            if gap.is_some_and(|gap| end - start < LEAST_SEEN * gap.length().get()) {
+            let watched = self.extractor.geometry().maps();
+            let share = gap.map_or(1.0, |gap| {
+                let inside = |place: f32| (gap.start.get()..=gap.end.get()).contains(&place);
+                let (mut all, mut explained) = (0.0_f32, 0.0);
+                for (map, is_explained) in watched.iter().zip(&self.explained) {
+                    if inside(map.floor_place) {
+                        (all, explained) = (all + 1.0, explained + f32::from(u8::from(*is_explained)));
+                    }
+                }
+                if all > 0.0 { explained / all } else { 1.0 }
+            });
+            let within = |sample: &&Sample| {
+                (object.start.get()..=object.end.get()).contains(&sample.place)
+                    && sample.height.abs() >= SIDE_MM
+            };
+            let (all, raised) =
+                self.sorted.iter().filter(within).fold((0, 0), |(all, raised), sample| {
+                    (all + 1, raised + usize::from(sample.height > 0.0))
+                });
+            let is_both = raised.min(all - raised) >= POINTS_OF_A_SIDE;
+            let is_drop = object.height.is_some_and(|height| height < Millimetres::ZERO);
+            if is_both || share < if is_drop { LEAST_EXPLAINED_DROP } else { LEAST_EXPLAINED } {
                 (object.height, object.uncertainty, object.size) = (None, None, SizeClass::Unknown);
+            }
+        }
+    }
+
+    /// Which columns do the points off the floor explain?
+    fn explain_columns(&mut self) {
+        let geometry = self.extractor.geometry();
+        let watched = geometry.watched();
+        let maps = geometry.maps();
+        self.explained.clear();
+        self.explained.resize(maps.len(), false);
+        // Places rise or fall with the columns.
+        let rises =
+            maps.first().zip(maps.last()).is_some_and(|(first, last)| first.floor_place < last.floor_place);
+        for point in self.extractor.points() {
+            let own = (point.column + POINT_COLUMNS + 1).saturating_sub(watched.start);
+            let from = point.column.saturating_sub(POINT_COLUMNS + watched.start);
+            let (low, high) = (point.place - POINT_REACH_MM, point.place + POINT_REACH_MM);
+            let before = |limit: f32, is_lower: bool| {
+                maps.partition_point(|map| (map.floor_place < limit) == is_lower)
+            };
+            let of_ray = if rises {
+                before(low, true)..before(high, true)
+            } else {
+                before(high, false)..before(low, false)
+            };
+            for range in [from..own, of_ray] {
+                let end = range.end.min(maps.len());
+                self.explained[range.start.min(end)..end].fill(true);
             }
         }
     }

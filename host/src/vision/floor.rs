@@ -15,6 +15,8 @@ mod slanted;
 mod straight;
 mod strip;
 
+use rim::is_rim;
+
 use super::edge::EdgeModel;
 use super::grid::{Grid, GridColumn};
 use super::measure::Bench;
@@ -54,6 +56,10 @@ const MOST_NOISE: f32 = 3.0;
 /// Variation below this is not believed (levels of the running mean): quantisation and compression hide it, and leave
 /// ripples of a few levels themselves.
 const LEAST_NOISE: f32 = 0.8;
+/// Floor that is lit over no more than this ...
+const ISLAND_MM: f32 = 2.5;
+/// ... between two stretches that are dark for longer than this is none, millimetres.
+const LONGEST_HOLE_MM: f32 = 5.0;
 /// Columns that an edge may hide between two sure ones, millimetres.
 const HIDDEN_MM: f32 = 3.5;
 
@@ -256,6 +262,7 @@ impl FloorFinder {
         self.explain_edges(signal, grid);
         self.decide(grid);
         self.settle_rows(grid);
+        self.sink_islands(grid);
     }
 
     fn measure<S: RowSearch>(&mut self, signal: S, grid: &Grid) {
@@ -278,7 +285,8 @@ impl FloorFinder {
             if let Some(peak) = found.peak.filter(|peak| is_fringe(signal, grid.first() + index, peak)) {
                 (found.peak, found.fringe) = (None, Some(peak));
             }
-            if found.peak.is_some_and(|peak| rim::is_rim(signal, grid.first() + index, &peak)) {
+            let place = &grid.columns()[index];
+            if found.peak.is_some_and(|peak| is_rim(signal, grid.first() + index, &peak, place)) {
                 found.peak = None;
             }
         }
@@ -338,6 +346,34 @@ impl FloorFinder {
                 self.columns[first..end].iter_mut().for_each(FloorColumn::light);
             }
             start = end;
+        }
+    }
+
+    /// A scrap of floor between two stretches that are dark for longer than any gap may be is no floor: something crosses
+    /// the floor's rows there. It would make two things of one.
+    fn sink_islands(&mut self, grid: &Grid) {
+        let place = |index: usize| grid.columns()[index].place;
+        let count = self.columns.len();
+        let next = |columns: &[FloorColumn], from: usize, lit: bool| {
+            columns[from..].iter().position(|column| column.lit == lit).map_or(count, |offset| from + offset)
+        };
+        // The last lit column before the stretch in question, if there is one.
+        let mut before: Option<usize> = None;
+        let mut start = next(&self.columns, 0, true);
+        while start < count {
+            let end = next(&self.columns, start, false);
+            let after = next(&self.columns, end, true);
+            let dark = |one: usize, other: usize| (place(other) - place(one)).abs() > LONGEST_HOLE_MM;
+            let is_scrap = (place(end - 1) - place(start)).abs() <= ISLAND_MM;
+            let alone = dark(before.unwrap_or(0), start) && dark(end - 1, after.min(count - 1));
+            if is_scrap && alone {
+                for column in &mut self.columns[start..end] {
+                    (column.lit, column.row) = (false, f32::NAN);
+                }
+            } else {
+                before = Some(end - 1);
+            }
+            start = after;
         }
     }
 

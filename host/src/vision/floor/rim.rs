@@ -4,6 +4,7 @@
 //! outline: two ridges in red, one on each side. Neither is a stripe, although one of them may lie where the stripe is
 //! expected. A stripe's own overexposed core has two such rims as well, but then the ridge is measured in their middle.
 
+use crate::vision::grid::GridColumn;
 use crate::vision::peak::Peak;
 use crate::vision::signal::Signal;
 
@@ -11,6 +12,8 @@ use crate::vision::signal::Signal;
 const LONGEST_RUN: usize = 64;
 /// A ridge whose middle is so near that of the clipped run is the run's, samples.
 const NEAR_MIDDLE: f32 = 1.0;
+/// A stripe's own core is clipped over at most so many times its width.
+const WIDEST_CORE: f32 = 2.5;
 /// The far rim lies within so many samples of the run's end, and the ground within so many more.
 const RIM_SAMPLES: usize = 3;
 const GROUND_SAMPLES: usize = 5;
@@ -18,14 +21,21 @@ const GROUND_SAMPLES: usize = 5;
 const LEAST_LEFT: f32 = 0.35;
 
 /// Is a ridge one rim of an overexposed thing, the other of which is about as high?
-pub fn is_rim<S: Signal>(signal: S, column: usize, peak: &Peak) -> bool {
+pub fn is_rim<S: Signal>(signal: S, column: usize, peak: &Peak, place: &GridColumn) -> bool {
     let aside = peak.width / 2.0 + 1.0;
-    is_rim_of_run(signal, column, peak, peak.row - aside, false)
-        || is_rim_of_run(signal, column, peak, peak.row + aside, true)
+    is_rim_of_run(signal, column, peak, place, false, peak.row - aside)
+        || is_rim_of_run(signal, column, peak, place, true, peak.row + aside)
 }
 
 /// The same for the clipped run, if there is one, that covers the row `probe`, on the ridge's lower side or its upper.
-fn is_rim_of_run<S: Signal>(signal: S, column: usize, peak: &Peak, probe: f32, below: bool) -> bool {
+fn is_rim_of_run<S: Signal>(
+    signal: S,
+    column: usize,
+    peak: &Peak,
+    place: &GridColumn,
+    below: bool,
+    probe: f32,
+) -> bool {
     let probe = probe.round();
     if probe < 0.0 || probe as usize >= signal.rows() || !signal.is_clipped(column, probe as usize) {
         return false;
@@ -35,7 +45,10 @@ fn is_rim_of_run<S: Signal>(signal: S, column: usize, peak: &Peak, probe: f32, b
     let up = (1..LONGEST_RUN).take_while(|step| probe.checked_sub(*step).is_some_and(is_clipped)).count();
     let down = (1..LONGEST_RUN).take_while(|step| is_clipped(probe + step)).count();
     let (first, last) = (probe - up, probe + down);
-    if ((first + last) as f32 / 2.0 - peak.row).abs() <= NEAR_MIDDLE {
+    let middle = (first + last) as f32 / 2.0;
+    let is_core = (middle - place.floor_row).abs() <= place.tolerance
+        && (last - first + 1) as f32 <= WIDEST_CORE * place.width;
+    if is_core || (middle - peak.row).abs() <= NEAR_MIDDLE {
         return false;
     }
     let end = if below { last } else { first };
