@@ -9,6 +9,7 @@
 
 mod beside_edges;
 mod clipped;
+mod elsewhere;
 mod pooled;
 mod rim;
 mod slanted;

@@ -14,6 +14,7 @@ mod tests;
 
 use statistics::{deviation, vertex};
 
+use super::elsewhere::strongest_beside;
 use super::straight::LastEdge;
 use super::strip::Strip;
 use super::{FRINGE_SHARE, FloorColumn, FloorFinder, GONE_SHARE, SURE_CONTRAST, pitch};
@@ -34,6 +35,8 @@ const END_SHARE: f32 = 0.5;
 const GLOW_OF_SURE: f32 = 0.08;
 /// ... which is what the surely lit columns within this distance have on average, millimetres.
 const AROUND_MM: f32 = 120.0;
+/// What is less than this share of a ridge just beside is the foot of that ridge: of the stripe on a thing.
+const FOOT_SHARE: f32 = 0.2;
 /// Allowance for chance where answers are compared, in standard deviations of averages.
 const CHANCE: f32 = 1.5;
 /// The level beside a column is the median of the averages at these distances, millimetres.
@@ -184,7 +187,9 @@ impl FloorFinder {
             let beside = (END_SHARE * level).max(GONE_SHARE * highest);
             let glow = GLOW_OF_SURE * self.sure_around(grid, index);
             let least = sure.max(beside).max(glow);
-            let lit = average >= least && self.pool.is_narrow(grid, index, average, of_averages);
+            let lit = average >= least
+                && self.pool.is_narrow(grid, index, average, of_averages)
+                && average >= FOOT_SHARE * strongest_beside(signal, grid.first() + index, place);
             let peak = Peak {
                 row: place.floor_row + self.pool.offsets[index],
                 contrast: average,
