@@ -28,7 +28,7 @@ const SMOOTHED_POINTS: usize = 5;
 
 /// An object that explains less than this share of its gap has no known height: what is seen is a rim, and the rest may be
 /// higher. The gap is explained where its light is seen on the object, and where the object hides the floor.
-const LEAST_EXPLAINED: f32 = 0.6;
+const LEAST_EXPLAINED: f32 = 0.7;
 /// The same for a drop: its edges hide next to nothing of it, and what looks like one may be the rim of something bright.
 const LEAST_EXPLAINED_DROP: f32 = 0.8;
 /// So many points this far above the floor and as many this far below it contradict each other: the rims of something
