@@ -148,7 +148,8 @@ fn floor_between_two_things_is_floor() {
 
 #[test]
 fn a_thing_of_which_only_a_rim_is_seen_has_no_known_height() {
-    for (seen_mm, known) in [(10.0, false), (40.0, true)] {
+    // Seven tenths of its 60 mm must be seen.
+    for (seen_mm, known) in [(10.0, false), (36.0, false), (48.0, true)] {
         let mut drawing = Drawing::new(CENTRE.rig().unwrap());
         drawing.stripe(|geometry, map| {
             let floor = is_on_floor(map).then_some((map.floor_row, 100.0));
@@ -158,6 +159,56 @@ fn a_thing_of_which_only_a_rim_is_seen_has_no_known_height() {
         let analyser = drawing.judged();
         let is_known = analyser.objects().iter().any(|object| object.height.is_some());
         assert_eq!(is_known, known, "{seen_mm} mm seen: {:?}", analyser.objects());
+    }
+}
+
+/// Something that crosses the floor's rows makes no two gaps of one.
+#[test]
+fn a_scrap_of_floor_between_two_dark_stretches_is_none() {
+    for (scrap_mm, gaps) in [(1.0, 1), (8.0, 2)] {
+        let mut drawing = Drawing::new(CENTRE.rig().unwrap());
+        drawing.stripe(|_, map| {
+            let lit = is_on_floor(map) || map.floor_place.abs() <= scrap_mm;
+            lit.then_some((map.floor_row, 100.0)).into_iter().collect()
+        });
+        let analyser = drawing.judged();
+        assert_eq!(analyser.gaps().len(), gaps, "{scrap_mm} mm to both sides: {:?}", analyser.gaps());
+    }
+}
+
+/// Light above and below the floor's rows in one gap tells nothing about the height.
+#[test]
+fn a_thing_that_is_seen_above_the_floor_and_below_it_has_no_known_height() {
+    let drop = -12.0;
+    for (is_both, known) in [(false, true), (true, false)] {
+        let mut drawing = Drawing::new(CENTRE.rig().unwrap());
+        drawing.stripe(|geometry, map| {
+            let floor = is_on_floor(map).then_some((map.floor_row, 100.0));
+            let below = Some(map.row(drop)).filter(|row| {
+                let ray = geometry.ray_place(map, *row);
+                is_both && (8.0..28.0).contains(&ray)
+            });
+            let above =
+                on_thing(geometry, map).filter(|row| below.is_none() || geometry.ray_place(map, *row) < 8.0);
+            floor.into_iter().chain(above.into_iter().chain(below).map(|row| (row, 100.0))).collect()
+        });
+        let analyser = drawing.judged();
+        let is_known = analyser.objects().iter().any(|object| object.height.is_some());
+        assert_eq!(is_known, known, "both {is_both}: {:?}", analyser.objects());
+    }
+}
+
+/// A black thing that is narrow gets a twentieth of the light beside it from the lens; a floor that is darker has more.
+#[test]
+fn what_the_lens_spreads_of_bright_columns_over_a_narrow_gap_is_no_floor() {
+    for (share, is_cut) in [(0.06, true), (0.3, false)] {
+        let mut drawing = Drawing::new(CENTRE.rig().unwrap());
+        drawing.stripe(|_, map| {
+            let strength = if map.floor_place.abs() > 4.0 { 160.0 } else { share * 160.0 };
+            vec![(map.floor_row, strength)]
+        });
+        let analyser = drawing.judged();
+        assert_eq!(analyser.report().is_cut(), is_cut, "{share} of the light: {:?}", analyser.gaps());
     }
 }
 

@@ -69,25 +69,40 @@ mod tests {
     use crate::capture::Plane;
     use crate::vision::signal::RedMinusGreen;
 
-    /// A column of red and green, and a ridge of 60 levels in it.
+    /// A column of red and green, and a ridge of 60 levels in it where the floor is expected.
     fn looks_like_a_rim(red: impl Fn(usize) -> u8, green: impl Fn(usize) -> u8, row: f32) -> bool {
         let bytes: Vec<u8> = (0..60).flat_map(|row| [red(row), green(row), 20]).collect();
         let peak = Peak { row, contrast: 60.0, rise: 60.0, width: 4.0 };
-        is_rim(RedMinusGreen(Plane::new(&bytes, 3, 3, 60).unwrap()), 0, &peak)
+        let place =
+            GridColumn { floor_row: row, place: 0.0, tolerance: 2.0, width: 3.5, first_row: 0, end_row: 60 };
+        is_rim(RedMinusGreen(Plane::new(&bytes, 3, 3, 60).unwrap()), 0, &peak, &place)
+    }
+
+    /// Clipped in red from `first` to `end`, its colour seen only in the two rows at its ends.
+    fn of_overexposed(first: usize, end: usize, row: f32) -> bool {
+        let red = |row: usize| if (first..end).contains(&row) { 255 } else { 90 };
+        let green = |row: usize| match row {
+            row if !(first..end).contains(&row) => 90,
+            row if row < first + 2 || row + 2 >= end => 190,
+            _ => 240,
+        };
+        looks_like_a_rim(red, green, row)
     }
 
     #[test]
     fn both_outlines_of_an_overexposed_orange_thing_are_rims() {
-        let red = |row: usize| if (18..34).contains(&row) { 255 } else { 90 };
-        let green = |row: usize| match row {
-            18..20 | 32..34 => 190,
-            20..32 => 240,
-            _ => 90,
-        };
-        assert!(looks_like_a_rim(red, green, 18.5));
-        assert!(looks_like_a_rim(red, green, 32.5));
-        assert!(!looks_like_a_rim(red, green, 25.5), "the middle, as of a stripe's own core");
-        assert!(!looks_like_a_rim(red, green, 45.0), "elsewhere");
+        assert!(of_overexposed(18, 34, 18.5));
+        assert!(of_overexposed(18, 34, 32.5));
+        assert!(!of_overexposed(18, 34, 25.5), "the middle, as of a stripe's own core");
+        assert!(!of_overexposed(18, 34, 45.0), "elsewhere");
+    }
+
+    #[test]
+    fn the_rims_of_a_stripes_own_overexposed_core_are_none() {
+        for row in [18.5, 20.5, 22.5] {
+            assert!(!of_overexposed(17, 25, row), "row {row}: a core of 8 rows, at most 2.5 times 3.5");
+        }
+        assert!(of_overexposed(17, 27, 18.5), "10 rows are more");
     }
 
     #[test]
