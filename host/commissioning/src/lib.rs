@@ -144,7 +144,7 @@ impl Protocol {
         let mut text = format!(
             "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
-             <title>Commissioning: {}</title><style>{STYLE}</style></head><body>\n\
+             <title>Commissioning: {}</title><style>{STYLE}</style></head><body><main>\n\
              <h1>Commissioning of the near-field sensor</h1>\n<p class=\"{verdict}\">{}</p>\n",
             escaped(&self.module),
             self.verdict()
@@ -176,7 +176,7 @@ impl Protocol {
         let _ = write!(
             text,
             "<h2>Release</h2>\n<p>Date, name, signature:</p><p class=\"line\"></p>\n\
-             <h2>Configuration</h2>\n<pre>{}</pre>\n</body></html>\n",
+             <h2>Configuration</h2>\n<pre>{}</pre>\n</main></body></html>\n",
             escaped(&self.configuration)
         );
         text
@@ -184,9 +184,10 @@ impl Protocol {
 }
 
 const STYLE: &str = "body{font:11pt/1.4 system-ui,sans-serif;max-width:52rem;margin:2rem auto;padding:0 1rem;color:#15212a}\
-table{border-collapse:collapse;width:100%}th,td{border:1px solid #9aa7b0;padding:.25rem .5rem;text-align:left;vertical-align:top}\
+table{border-collapse:collapse;width:100%}th,td{border:1px solid #9aa7b0;padding:.25rem .5rem;text-align:left;vertical-align:top;overflow-wrap:break-word}\
+@media(max-width:30rem){body{font-size:9pt;padding:0 .5rem}th,td{padding:.2rem .25rem}}\
 .passed{color:#0b6b3a;font-weight:600}.failed{color:#a51d13;font-weight:600}.line{border-bottom:1px solid;height:3rem}\
-pre{white-space:pre-wrap;font-size:8pt}@media print{body{margin:0}h2{break-after:avoid}tr{break-inside:avoid}}";
+pre{white-space:pre-wrap;overflow-wrap:anywhere;font-size:8pt}@media print{body{margin:0}h2{break-after:avoid}tr{break-inside:avoid}}";
 
 /// In a table of Markdown.
 fn cell(words: &str) -> String {

@@ -36,9 +36,9 @@ impl Trial {
     pub fn checks(&self, name: &str, piece_mm: f64, worst_ms: f64) -> [Check; 3] {
         let place = self.wanted_mm;
         let title = |what: &str| format!("Rod of {piece_mm} mm, {name}: {what}");
-        let seen = self
-            .seen_mm
-            .map_or("no gap".to_owned(), |seen| format!("a gap of {:.1} mm at {seen:.0} mm", self.gap_mm));
+        let seen = self.seen_mm.map_or("no gap".to_owned(), |seen| {
+            format!("a gap of {:.1} mm at {:.0} mm", self.gap_mm, whole(seen))
+        });
         let there = self.seen_mm.is_some_and(|seen| (seen - place).abs() <= LAID_WITHIN_MM);
         let took = self.opened_after.map(|took| took.get() as f64 / 1000.0);
         let words = |good: bool, yes: &'static str, no: &'static str| if good { yes } else { no };
@@ -66,5 +66,28 @@ impl Trial {
                 self.stayed_open && self.closed_again,
             ),
         ]
+    }
+}
+
+/// Whole millimetres, without the sign of a zero.
+fn whole(millimetres: f64) -> f64 {
+    millimetres.round() + 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_middle_of_the_stripe_has_no_sign() {
+        let trial = Trial {
+            wanted_mm: 0.0,
+            seen_mm: Some(-0.3),
+            gap_mm: 15.4,
+            opened_after: None,
+            stayed_open: true,
+            closed_again: true,
+        };
+        assert_eq!(trial.checks("middle", PIECE_MM, 100.0)[0].found, "a gap of 15.4 mm at 0 mm");
     }
 }

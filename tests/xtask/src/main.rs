@@ -14,6 +14,7 @@ mod firmware;
 mod fuzz;
 mod miri;
 mod mutants;
+mod page;
 mod panic_free;
 mod pi;
 mod quotations;
@@ -52,6 +53,8 @@ nearfield's chores. Each sets up what it needs by itself.
   cargo xtask pi         the host's program for the Raspberry Pi (aarch64; cross-compiler through apt where it can)
   cargo xtask pi-test    tests of the parts that run on the Pi, for its processor, under QEMU (further arguments: packages)
   cargo xtask ros2       the ROS 2 outlet against a second participant, and against Eclipse Cyclone DDS (Python, PyPI)
+  cargo xtask page       the operator's page and its commissioning in Chromium: keyboard only, with and without the token, 360 and
+                         1280 px, axe-core; screenshots in target/page (Chromium through apt, Python packages from PyPI)
   cargo xtask soak       everything of `nearfield run` at 50 pictures a second: quiet, tier 3 stalled, disk full, flooded, with a
                          dying source; losses, relay, latency, memory (--seconds N a phase, --mcu emulated, --width N,
                          --without-tier-three)
@@ -133,6 +136,7 @@ fn dispatch(verb: &str, rest: &[String]) -> Result<()> {
         "pi-test" => pi::test(rest),
         "deb" => pi::package(),
         "ros2" => ros2::check(),
+        "page" => page::check(),
         "soak" => soak::phases(rest),
         "kills" => soak::kills(rest),
         "coverage" => coverage::check(rest),

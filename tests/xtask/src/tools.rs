@@ -1,6 +1,6 @@
 //! The tools of the tests of the tests: cargo subcommands that are installed from crates.io where they are missing.
 
-use crate::run::Step;
+use crate::run::{Step, target_directory};
 use anyhow::{Context as _, Result, bail};
 
 /// A cargo subcommand and the version that the figures in `tests/RIGOR.md` were made with.
@@ -36,6 +36,21 @@ impl Tool {
             || format!("cargo {} is missing; install it by hand: cargo install {}", self.verb, self.package),
         )
     }
+}
+
+/// Python with these packages from PyPI, in a folder of this name below `target`; `module` tells whether they are there.
+pub fn python_with(folder: &str, module: &str, packages: &[&str]) -> Result<String> {
+    let directory = target_directory().join(folder);
+    let python = directory.join("bin").join("python").display().to_string();
+    let is_there = Step::program(&python, &["-c", &format!("import {module}")]).capture();
+    if !is_there.is_ok_and(|(success, _)| success) {
+        Step::program("python3", &["-m", "venv", &directory.display().to_string()])
+            .run()
+            .context("needs Python 3.9 or later with its module venv (Debian: python3-venv)")?;
+        let install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
+        Step::program(&python, &[&install[..], packages].concat()).run().context("needs a way to PyPI")?;
+    }
+    Ok(python)
 }
 
 /// The nightly toolchain with this component, for fuzzers and miri; the product itself is built with the pinned one.
