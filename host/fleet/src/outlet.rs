@@ -1,12 +1,10 @@
 //! A running module's reports, from a thread of its own that steps back behind everybody else.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use nearfield_recording::queue::Next;
-use nearfield_recording::{Drain, Event};
+use nearfield_recording::{Drain, Event, Listener};
 use nearfield_shared::condition::Warnings;
 use nearfield_shared::status::Status;
 
@@ -19,6 +17,9 @@ pub const REPORT_INTERVAL: Duration = Duration::from_millis(200);
 pub const SILENCE: Duration = Duration::from_millis(250);
 /// The queue is looked at so often.
 const POLL_INTERVAL: Duration = Duration::from_millis(10);
+
+/// Behind everybody else.
+const NICENESS: i32 = 10;
 
 /// From events to reports; time comes in as an argument.
 pub struct Reporter {
@@ -107,8 +108,7 @@ impl Reporter {
 
 /// The thread; dropping it ends it.
 pub struct Outlet {
-    ending: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    _thread: Listener,
 }
 
 impl Outlet {
@@ -121,11 +121,8 @@ impl Outlet {
         mut carrier: Box<dyn Carrier>,
         drain: Drain,
     ) -> std::io::Result<Self> {
-        let ending = Arc::new(AtomicBool::new(false));
-        let told = Arc::clone(&ending);
-        let thread = std::thread::Builder::new().name("fleet".to_owned()).spawn(move || {
-            let _ = rustix::process::nice(10);
-            while !told.load(Ordering::Relaxed) {
+        let thread = Listener::start("fleet", NICENESS, move |ending| {
+            while !ending.load(Ordering::Relaxed) {
                 while let Next::Event(stamped) = drain.next() {
                     reporter.take(&stamped.event, Instant::now());
                 }
@@ -136,17 +133,7 @@ impl Outlet {
                 std::thread::sleep(POLL_INTERVAL);
             }
         })?;
-        Ok(Self { ending, thread: Some(thread) })
-    }
-}
-
-impl Drop for Outlet {
-    fn drop(&mut self) {
-        self.ending.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            // A panic was told on standard error.
-            let _ = thread.join();
-        }
+        Ok(Self { _thread: thread })
     }
 }
 

@@ -17,6 +17,7 @@
 
 pub mod event;
 pub mod folder;
+pub mod listener;
 pub mod messages;
 pub mod queue;
 pub mod reader;
@@ -25,6 +26,7 @@ pub mod recovery;
 mod segment;
 
 pub use event::{Decision, Detections, Event, LockStep, Picture, Sighting, Stamped};
+pub use listener::Listener;
 pub use queue::{Drain, QUEUE_LENGTH, Tap, Taps, queue};
 pub use reader::Recording;
 pub use recorder::{Options, Recorder, State};

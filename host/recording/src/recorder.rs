@@ -3,7 +3,6 @@
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use nearfield_shared::causes::{StopCause, StopCauses};
@@ -12,6 +11,7 @@ use nearfield_shared::units::Micros;
 
 use crate::event::{Decision, Event, LockStep, Picture, Stamped};
 use crate::folder::{Store, segment_name};
+use crate::listener::Listener;
 use crate::messages::{
     self, CompressedImage, ConfigurationMessage, DecisionMessage, DetectionsMessage, LineScanMessage,
     LockStepMessage, Log, StatusMessage, Time, nanoseconds,
@@ -55,15 +55,16 @@ pub struct State {
 
 /// A recorder at work. Dropping it ends the recording as it should be.
 pub struct Recorder {
-    ending: Arc<AtomicBool>,
     state: Arc<Mutex<State>>,
-    thread: Option<JoinHandle<()>>,
+    thread: Listener,
 }
 
 /// A chunk is closed at least so often: what a crash loses.
 const FLUSH_INTERVAL: Duration = Duration::from_millis(500);
 /// ... and is on the disk: what a power cut loses.
 const SYNC_INTERVAL: Duration = Duration::from_secs(5);
+/// After the stripe's path, before those who only show.
+const NICENESS: i32 = 5;
 /// The queue is looked at so often; it holds many times more.
 const POLL_INTERVAL: Duration = Duration::from_millis(10);
 /// After a problem.
@@ -82,16 +83,10 @@ impl Recorder {
     /// # Errors
     /// The operating system gives no thread.
     pub fn start(options: Options, store: Box<dyn Store>, drain: Drain) -> std::io::Result<Self> {
-        let ending = Arc::new(AtomicBool::new(false));
         let state = Arc::new(Mutex::new(State::default()));
         let mut worker = Worker::new(options, store, Arc::clone(&state));
-        let of_thread = Arc::clone(&ending);
-        let thread = std::thread::Builder::new().name("recorder".to_owned()).spawn(move || {
-            // After everybody else; where that is not allowed nothing is lost but politeness.
-            let _ = rustix::process::nice(5);
-            worker.run(&drain, &of_thread);
-        })?;
-        Ok(Self { ending, state, thread: Some(thread) })
+        let thread = Listener::start("recorder", NICENESS, move |ending| worker.run(&drain, ending))?;
+        Ok(Self { state, thread })
     }
 
     /// How it stands.
@@ -109,22 +104,8 @@ impl Recorder {
     /// Writes what is in the queue, ends the file, and tells how it went.
     #[must_use]
     pub fn finish(mut self) -> State {
-        self.end();
+        self.thread.end();
         self.state()
-    }
-
-    fn end(&mut self) {
-        self.ending.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            // A panic of the thread was told on standard error; the recording is cut off as by a crash.
-            let _ = thread.join();
-        }
-    }
-}
-
-impl Drop for Recorder {
-    fn drop(&mut self) {
-        self.end();
     }
 }
 

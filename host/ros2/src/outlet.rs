@@ -5,11 +5,10 @@ use std::net::IpAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::sync_channel;
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use nearfield_recording::queue::Next;
-use nearfield_recording::{Decision, Drain};
+use nearfield_recording::{Decision, Drain, Listener};
 use nearfield_shared::units::Micros;
 use ros2_client::dds::rustdds::DomainParticipantBuilder;
 use ros2_client::qos::{Durability, History, QosProfile, WhenFull};
@@ -63,11 +62,12 @@ fn dds<E: std::fmt::Display>(doing: &'static str) -> impl FnOnce(E) -> OutletErr
 
 /// The publisher at work; dropping it ends it.
 pub struct Outlet {
-    ending: Arc<AtomicBool>,
     published: Arc<AtomicU64>,
-    thread: Option<JoinHandle<()>>,
+    _thread: Listener,
 }
 
+/// Behind the stripe's path; the participant's own threads inherit it.
+const NICENESS: i32 = 10;
 /// The queue is looked at so often.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// Without an event for so long nothing is known any more.
@@ -86,27 +86,23 @@ impl Outlet {
     /// # Errors
     /// See [`OutletError`].
     pub fn start(settings: Settings, reporter: Reporter, drain: Drain) -> Result<Self, OutletError> {
-        let (ending, published) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
-        let (told, tell) = (Arc::clone(&ending), Arc::clone(&published));
+        let published = Arc::new(AtomicU64::new(0));
+        let tell = Arc::clone(&published);
         let (outcome, started) = sync_channel(1);
-        let thread = std::thread::Builder::new().name("ros2".to_owned()).spawn(move || {
-            // The participant's own threads inherit this: all of them stand behind the stripe's path.
-            let _ = rustix::process::nice(10);
-            match Topics::open(&settings) {
-                Ok(topics) => {
-                    let _ = outcome.send(Ok(()));
-                    Work { topics, reporter, drain, stamp: settings.stamp, published: tell, told: None }
-                        .run(&told);
-                }
-                Err(error) => {
-                    let _ = outcome.send(Err(error));
-                }
+        let thread = Listener::start("ros2", NICENESS, move |ending| match Topics::open(&settings) {
+            Ok(topics) => {
+                let _ = outcome.send(Ok(()));
+                Work { topics, reporter, drain, stamp: settings.stamp, published: tell, told: None }
+                    .run(ending);
+            }
+            Err(error) => {
+                let _ = outcome.send(Err(error));
             }
         })?;
         let started = started.recv().unwrap_or_else(|_| {
             Err(OutletError::Dds { doing: "join the domain", problem: "the thread has ended".to_owned() })
         });
-        let outlet = Self { ending, published, thread: Some(thread) };
+        let outlet = Self { published, _thread: thread };
         started.map(|()| outlet)
     }
 
@@ -114,16 +110,6 @@ impl Outlet {
     #[must_use]
     pub fn published(&self) -> u64 {
         self.published.load(Ordering::Relaxed)
-    }
-}
-
-impl Drop for Outlet {
-    fn drop(&mut self) {
-        self.ending.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            // A panic was told on standard error.
-            let _ = thread.join();
-        }
     }
 }
 
