@@ -118,6 +118,29 @@ impl Frame {
         *self = Self::new(size, Pixels::Yuv420(bytes)).unwrap_or_else(|_| Self::empty());
     }
 
+    /// The same from planes whose rows are padded: `stride` bytes from one row of brightness to the next, half as many from one row
+    /// of colour to the next. Returns if they were long enough; else it is empty.
+    pub fn fill_yuv420_rows(&mut self, size: ImageSize, stride: usize, planes: [&[u8]; 3]) -> bool {
+        let mut bytes = self.take_memory();
+        let (width, height) = (usize::from(size.width), usize::from(size.height));
+        let [luma, blue, red] = planes;
+        let parts = [
+            (luma, width, height, stride),
+            (blue, width / 2, height / 2, stride / 2),
+            (red, width / 2, height / 2, stride / 2),
+        ];
+        for (plane, width, height, stride) in parts {
+            for row in 0..height {
+                let begin = row * stride;
+                bytes.extend_from_slice(plane.get(begin..begin + width).unwrap_or_default());
+            }
+        }
+        let made = Self::new(size, Pixels::Yuv420(bytes));
+        let fits = made.is_ok();
+        *self = made.unwrap_or_else(|_| Self::empty());
+        fits
+    }
+
     /// For pixels that were made to fill `size`.
     pub(super) const fn whole(size: ImageSize, pixels: Pixels) -> Self {
         Self { size, pixels }

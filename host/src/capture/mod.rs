@@ -186,6 +186,26 @@ mod tests {
 
     const SIZE: ImageSize = ImageSize { width: 64, height: 48 };
 
+    #[test]
+    fn padded_rows_make_the_same_picture_and_planes_that_are_too_short_make_none() {
+        let size = ImageSize { width: 4, height: 4 };
+        let packed: Vec<u8> = (1..=24).collect();
+        let padded = |rows: &[u8], width: usize, stride: usize| -> Vec<u8> {
+            rows.chunks(width)
+                .flat_map(|row| row.iter().copied().chain(std::iter::repeat_n(0xEE, stride - width)))
+                .collect()
+        };
+        let (luma, blue, red) =
+            (padded(&packed[..16], 4, 10), padded(&packed[16..20], 2, 5), padded(&packed[20..], 2, 5));
+        let mut frame = Frame::empty();
+        assert!(frame.fill_yuv420_rows(size, 10, [&luma, &blue, &red]));
+        assert_eq!(frame, Frame::new(size, Pixels::Yuv420(packed)).unwrap());
+        for short in [[&luma[..33], &blue[..], &red[..]], [&luma, &blue, &red[..6]]] {
+            assert!(!frame.fill_yuv420_rows(size, 10, short));
+            assert_eq!(frame, Frame::empty());
+        }
+    }
+
     /// A directory of its own that goes when the test ends.
     struct Scratch(PathBuf);
 

@@ -147,7 +147,8 @@ impl Commission {
         source: Supervised,
         mut hands: impl Hands<C>,
     ) -> anyhow::Result<Vec<Check>> {
-        let path = StripePath::new(rig, controller, None)?;
+        let exposure = Micros::new(configuration.camera.exposure_us.into());
+        let path = StripePath::new(rig, controller, None)?.with_exposure(exposure);
         let mut site = Site { path, source, period: None };
         let patience = Patience { hand: Micros::from_millis(u64::from(self.patience) * 1000), still: STILL };
         let armed = site.arm(&mut hands, patience)?;

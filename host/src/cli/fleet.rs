@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, bail};
+use anyhow::Context as _;
 use clap::Args;
 use nearfield_fleet::carrier::{UdpCarrier, UdpInbox};
 use nearfield_fleet::outlet::run_of_now;
@@ -197,7 +197,9 @@ impl Fleet {
 
     #[cfg(not(feature = "zenoh"))]
     fn open_zenoh(&self) -> anyhow::Result<Ends> {
-        bail!("this program was built without zenoh; build it with `--features zenoh`, or use --listen")
+        anyhow::bail!(
+            "this program was built without zenoh; build it with `--features zenoh`, or use --listen"
+        )
     }
 }
 

@@ -280,7 +280,9 @@ impl Work<'_> {
         let semantics = semantics(self.configuration, outlets.taps.clone())?;
         let speed = SpeedListener::start(&self.configuration.speed)?;
         let fields = Fields::new(self.configuration);
-        Ok(StripePath::new(self.rig, controller, semantics)?.with_fields(fields, speed))
+        let exposure = Micros::new(self.configuration.camera.exposure_us.into());
+        let path = StripePath::new(self.rig, controller, semantics)?.with_exposure(exposure);
+        Ok(path.with_fields(fields, speed))
     }
 
     fn go<C: Controller>(
@@ -344,8 +346,12 @@ fn open(camera: &Camera, rig: &Rig, hands: Option<Hands>) -> anyhow::Result<Box<
         SourceKind::Replay => Box::new(FolderSource::new(Path::new(input.unwrap_or(".")), size)?),
         SourceKind::RpicamVid => Box::new(PipeSource::rpicam_vid(camera)?),
         SourceKind::Command => Box::new(PipeSource::command_line(input.unwrap_or_default(), camera)?),
-        SourceKind::Libcamera => {
-            bail!("camera.source = \"libcamera\" is not built into this version; use \"rpicam-vid\"")
-        }
+        #[cfg(all(feature = "libcamera", target_os = "linux"))]
+        SourceKind::Libcamera => Box::new(crate::run::libcamera_source::LibcameraSource::open(camera, rig)?),
+        #[cfg(not(all(feature = "libcamera", target_os = "linux")))]
+        SourceKind::Libcamera => anyhow::bail!(
+            "camera.source = \"libcamera\", but this program was built without it; build it with `--features libcamera`, or use \
+             \"rpicam-vid\""
+        ),
     })
 }

@@ -13,7 +13,6 @@ use nearfield_shared::units::Micros;
 
 use super::supervised::{Got, Supervised};
 use super::{Controller, StripePath};
-use crate::link::FrameFacts;
 
 /// Who lays and takes things, and presses the button.
 pub trait Hands<C> {
@@ -143,12 +142,15 @@ impl<C: Controller> Site<C> {
     }
 
     fn picture(&mut self, hands: &mut impl Hands<C>) -> Seen {
-        let facts = FrameFacts::default();
-        let exposed = self.path.controller().now().since(facts.capture_age);
+        let facts = self.path.usual();
+        let mut exposed = self.path.controller().now().since(facts.capture_age);
         let drive = hands.drive(self.path.controller(), exposed, facts.exposure);
         // What fails here is a picture that was not seen: the controller stops by itself, and the trial is not passed.
         let picture = match self.source.next(drive) {
-            Got::Picture(frame) => self.path.step(frame, exposed, &Motion::default()).is_ok(),
+            Got::Picture(frame, age) => {
+                exposed = age.map_or(exposed, |age| self.path.controller().now().since(age));
+                self.path.step(frame, exposed, &Motion::default()).is_ok()
+            }
             Got::Nothing | Got::Broken(_) => {
                 let _ = self.path.skip();
                 false

@@ -19,10 +19,13 @@ pub mod controller;
 pub mod detector_eye;
 pub mod journal;
 pub mod latency;
+#[cfg(all(feature = "libcamera", target_os = "linux"))]
+pub mod libcamera_source;
 pub mod mailbox;
 pub mod outlets;
 pub mod pictures;
 pub mod redecide;
+pub mod row_clock;
 pub mod runner;
 pub mod semantics;
 pub mod source;

@@ -18,7 +18,6 @@ use super::outlets::Outlets;
 use super::stripe_path::StripeError;
 use super::supervised::{Got, Supervised};
 use super::{Controller, StripePath};
-use crate::link::FrameFacts;
 use crate::link::board::BoardError;
 
 /// A change of the relays or of their causes.
@@ -77,7 +76,7 @@ impl<C: Controller> Runner<'_, C> {
         mut drive: impl FnMut(&mut C, Micros, Micros) -> f32,
         mut say: impl FnMut(Said<'_>) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
-        let facts = FrameFacts::default();
+        let facts = self.path.usual();
         let mut service = ServiceManager::new();
         let mut told: Option<(bool, StopCauses)> = None;
         self.path.wait_for_first_exposure()?;
@@ -119,11 +118,13 @@ impl<C: Controller> Runner<'_, C> {
         tally.pictures.add();
         let restarts = self.source.restarts();
         let got = self.source.next(level);
-        let (frame, warning) = match got {
-            Got::Picture(frame) => (Some(frame), None),
-            Got::Nothing => (None, None),
-            Got::Broken(error) => (None, Some(format!("the source of pictures: {error:#}"))),
+        let (frame, age, warning) = match got {
+            Got::Picture(frame, age) => (Some(frame), age, None),
+            Got::Nothing => (None, None, None),
+            Got::Broken(error) => (None, None, Some(format!("the source of pictures: {error:#}"))),
         };
+        // The camera's own word, where it has one.
+        let exposed = age.map_or(exposed, |age| self.path.controller().now().since(age));
         let begun = Instant::now();
         let outcome = match frame {
             Some(frame) => self

@@ -10,6 +10,7 @@ use anyhow::{Context as _, bail};
 use nearfield_configuration::Camera;
 use nearfield_operator::commission::Hands;
 use nearfield_shared::rig::{ImageSize, Rig};
+use nearfield_shared::units::Micros;
 
 use super::mailbox::{Fetched, Mailbox, Reader};
 use super::twin_hands::TwinHands;
@@ -27,7 +28,16 @@ pub trait Source: Send {
 
     /// The picture that [`Self::advance`] has brought last; empty before the first.
     fn frame(&self) -> &Frame;
+
+    /// How long before [`Self::advance`] returned the stripe was exposed (the middle of it), by the camera's own stamps; `None` =
+    /// it does not tell, and the usual delay counts.
+    fn age(&self) -> Option<Micros> {
+        None
+    }
 }
+
+/// Gains of red and blue, fixed: white balance must not follow the laser. A neutral floor under warm white light, roughly.
+pub const WHITE_BALANCE: [f32; 2] = [1.5, 1.5];
 
 /// Made-up pictures, lit by the laser as the controller drives it.
 pub struct TwinSource {
@@ -285,7 +295,7 @@ fn rpicam_arguments(camera: &Camera) -> Vec<String> {
         ("--framerate", camera.frames_per_second.to_string()),
         ("--shutter", exposure),
         ("--gain", camera.gain.to_string()),
-        ("--awbgains", "1.5,1.5".to_owned()),
+        ("--awbgains", format!("{},{}", WHITE_BALANCE[0], WHITE_BALANCE[1])),
         ("--autofocus-mode", "manual".to_owned()),
         ("--lens-position", camera.focus.to_string()),
         ("--denoise", "off".to_owned()),

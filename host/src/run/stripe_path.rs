@@ -60,6 +60,8 @@ pub struct StripePath<C> {
     tracker: Tracker,
     fields: Fields,
     speed: Option<SpeedListener>,
+    /// What is told of every picture, as far as it does not tell itself.
+    usual: FrameFacts,
     /// What the last line-scan told the controller.
     facts: FrameFacts,
     /// From the picture in memory to the line-scan sent and the status received.
@@ -85,6 +87,7 @@ impl<C: Controller> StripePath<C> {
             tracker: Tracker::new(*rig),
             fields: Fields::default(),
             speed: None,
+            usual: FrameFacts::default(),
             facts: FrameFacts::default(),
             latency: Latency::new(),
         })
@@ -94,6 +97,18 @@ impl<C: Controller> StripePath<C> {
     #[must_use]
     pub fn with_fields(self, fields: Fields, speed: Option<SpeedListener>) -> Self {
         Self { fields, speed, ..self }
+    }
+
+    /// With another exposure than the usual one: the controller compares the light of it with the laser's code.
+    #[must_use]
+    pub fn with_exposure(self, exposure: Micros) -> Self {
+        Self { usual: FrameFacts { exposure, ..self.usual }, ..self }
+    }
+
+    /// What is told of a picture that tells nothing itself: its age, and its exposure.
+    #[must_use]
+    pub const fn usual(&self) -> FrameFacts {
+        self.usual
     }
 
     /// The controller.
@@ -141,7 +156,7 @@ impl<C: Controller> StripePath<C> {
         let view = frame.view();
         self.analyser.update(&view)?;
         let age = self.controller.now().since(exposed);
-        let mut facts = FrameFacts { capture_age: age, ..FrameFacts::default() };
+        let mut facts = FrameFacts { capture_age: age, ..self.usual };
         self.tracker.move_on(motion);
         let advice = self.fuse();
         facts.verdict = match &advice {
@@ -180,7 +195,7 @@ impl<C: Controller> StripePath<C> {
     /// # Errors
     /// The controller cannot be reached.
     pub fn wait_for_first_exposure(&mut self) -> Result<(), StripeError> {
-        let facts = FrameFacts::default();
+        let facts = self.usual;
         let earliest = facts.capture_age.plus(facts.exposure);
         while self.controller.now() < earliest {
             // Simulated time goes on by this, a real clock by itself.

@@ -4,6 +4,7 @@ use std::sync::mpsc::sync_channel;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
+use nearfield_shared::units::Micros;
 
 use super::source::Source;
 use crate::capture::Frame;
@@ -14,8 +15,8 @@ pub type Open = Box<dyn FnMut() -> anyhow::Result<Box<dyn Source>> + Send>;
 /// What a frame period has brought.
 #[derive(Debug)]
 pub enum Got<'a> {
-    /// A picture.
-    Picture(&'a Frame),
+    /// A picture, and how long ago the stripe was exposed, if the source tells ([`Source::age`]).
+    Picture(&'a Frame, Option<Micros>),
     /// None in time, or the source is closed at the moment.
     Nothing,
     /// The source broke, has stalled, or could not be opened; it is tried again later. Told once for each time.
@@ -113,7 +114,7 @@ impl Supervised {
             return Got::Broken(error);
         }
         match &self.state {
-            State::Open { source, .. } => Got::Picture(source.frame()),
+            State::Open { source, .. } => Got::Picture(source.frame(), source.age()),
             State::Closed { .. } => Got::Nothing,
         }
     }
@@ -189,16 +190,16 @@ mod tests {
     #[test]
     fn a_source_that_breaks_is_opened_again_after_a_pause_in_which_nothing_comes() {
         let (mut source, openings) = supervised(vec![Some(vec![true, false, true]), Some(vec![true])]);
-        assert!(matches!(source.next(1.0), Got::Picture(_)));
+        assert!(matches!(source.next(1.0), Got::Picture(..)));
         assert!(matches!(source.next(1.0), Got::Nothing));
-        assert!(matches!(source.next(1.0), Got::Picture(_)));
+        assert!(matches!(source.next(1.0), Got::Picture(..)));
         let Got::Broken(error) = source.next(1.0) else { panic!("not broken") };
         assert_eq!(error.to_string(), "the end of the script");
         let broken = Instant::now();
         loop {
             match source.next(1.0) {
                 Got::Nothing => {}
-                Got::Picture(_) => break,
+                Got::Picture(..) => break,
                 Got::Broken(error) => panic!("{error}"),
             }
         }
@@ -215,7 +216,7 @@ mod tests {
             match source.next(1.0) {
                 Got::Broken(error) => told.push(error.to_string()),
                 Got::Nothing => {}
-                Got::Picture(_) => break,
+                Got::Picture(..) => break,
             }
         }
         assert_eq!(told, ["the end of the script", "cannot be opened", "cannot be opened"]);
@@ -234,7 +235,7 @@ mod tests {
             match source.next(1.0) {
                 Got::Broken(error) => break error,
                 Got::Nothing => std::thread::sleep(Duration::from_millis(1)),
-                Got::Picture(_) => panic!("there was none"),
+                Got::Picture(..) => panic!("there was none"),
             }
         };
         assert!(
