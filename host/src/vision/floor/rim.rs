@@ -8,6 +8,8 @@ use crate::vision::grid::GridColumn;
 use crate::vision::peak::Peak;
 use crate::vision::signal::Signal;
 
+/// A clipped run is looked for so far beyond the ridge, samples: the colour takes one or two to bleach.
+const PROBE_ASIDE: f32 = 1.75;
 /// A run of clipped samples is followed so far.
 const LONGEST_RUN: usize = 64;
 /// A ridge whose middle is so near that of the clipped run is the run's, samples.
@@ -22,7 +24,7 @@ const LEAST_LEFT: f32 = 0.35;
 
 /// Is a ridge one rim of an overexposed thing, the other of which is about as high?
 pub fn is_rim<S: Signal>(signal: S, column: usize, peak: &Peak, place: &GridColumn) -> bool {
-    let aside = peak.width / 2.0 + 1.0;
+    let aside = peak.width / 2.0 + PROBE_ASIDE;
     is_rim_of_run(signal, column, peak, place, false, peak.row - aside)
         || is_rim_of_run(signal, column, peak, place, true, peak.row + aside)
 }
