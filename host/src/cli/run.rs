@@ -336,7 +336,7 @@ fn open(camera: &Camera, rig: &Rig, hands: Option<Hands>) -> anyhow::Result<Box<
     Ok(match camera.source {
         SourceKind::Twin => {
             let scene = load_scene(input.unwrap_or("clean"), rig)?;
-            let twin = TwinSource::new(rig, &scene, 1)?.moving(&scene, camera.frames_per_second);
+            let twin = TwinSource::new(rig, &scene, 1)?.moving(&scene, 1, camera.frames_per_second)?;
             Box::new(match hands {
                 Some(hands) => twin.with_hands(&scene, hands),
                 None => twin,

@@ -11,7 +11,7 @@ use serde::Serialize;
 use crate::capture::{Frame, Pixels, RawFormat};
 use crate::rig_file;
 use crate::twin::gallery::{self, CENTRE, GALLERY, Mounting, SIDE, Theme, WIDE};
-use crate::twin::{ExpectedCutoff, Picture, Scene, Sequence, Truth};
+use crate::twin::{ExpectedCutoff, Picture, Scene, SceneError, Sequence, Truth};
 
 /// Pictures from the digital twin, with the exact truth about them.
 #[derive(Debug, Args)]
@@ -37,10 +37,26 @@ enum Command {
 /// along the stripe, heights of the objects on it, the profile per millimetre), the rig as `rig.toml` and the scene
 /// as `scene.toml`. Objects with a velocity move from frame to frame.
 ///
-/// In a scene file also: `[robot]` velocity_mm_per_s, vibration_mm, vibration_hz (camera and laser move; the truth's `moment`
-/// says where they are); `[look]` row_time_us (rolling shutter), vignetting (share of light lost in the farthest corner),
-/// bounce (1: lit bodies throw light on what is around them), led_band_mm (a red LED's wide, dim band instead of the laser).
-/// `nearfield_host::twin::truth` documents every field of the truth.
+/// In a scene file also:
+///
+/// `[robot]` velocity_mm_per_s, vibration_mm, vibration_hz: camera and laser move; the truth's `moment` says where they are.
+///
+/// `[look]` exposure_ms (what moves is smeared by its way in that time; the truth's `blur` tells it), row_time_us (rolling
+/// shutter), vignetting (share of light lost in the farthest corner), bounce (1: lit bodies throw light on what is around
+/// them), led_band_mm (a red LED's wide, dim band instead of the laser).
+///
+/// `[floor]` wave_mm, wave_length_mm (a floor that is not level: so high, so far apart; the truth's `profile` tells the
+/// height), image = { file = "floor.png", width_mm = 600.0 } (a picture of a floor, laid side by side over the whole floor).
+///
+/// `[dirt]` smudges, dust (how many; the seed says where), strength (0 to 1), and `[[dirt.spots]]` kind ("smudge" or
+/// "dust"), at (shares of width and height), radius (share of the width), strength: dirt on the lens. The truth's `dirt`
+/// and `profile.clear` tell what it takes away.
+///
+/// A material of an object may be one's own: { albedo = [0.7, 0.7, 0.6], laser_albedo = 0.7, translucency = 0.85,
+/// scatter_mm = 4.0 } (gloss, tightness too); translucent ones by name are wax_white, plastic_milky, plastic_clear.
+///
+/// `host/SCENES.md` in the repository shows a scene file with all of it, and each one's rule; `nearfield_host::twin::truth`
+/// documents every field of the truth.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -146,18 +162,16 @@ impl Render {
             bail!("--laser {}: must be 0 to 1", self.laser);
         }
         let rig = load_rig(&self.rig)?;
-        let scene = load_scene(&self.scene, &rig)?;
+        let mut scene = load_scene(&self.scene, &rig)?;
         std::fs::create_dir_all(&self.out)
             .with_context(|| format!("{}: cannot make it", self.out.display()))?;
         write(&self.out.join("rig.toml"), rig_file::to_toml(&rig).as_bytes())?;
-        write(&self.out.join("scene.toml"), toml::to_string(&scene).context("scene as TOML")?.as_bytes())?;
+        self.save_scene(&scene)?;
         let raw = RawFormat::from_extension(&self.format);
-        let mut scene = scene;
         scene.look.demosaiced &= raw.is_none();
-        let is_sequence = scene.robot.is_moving() || scene.look.row_time_us > 0.0;
-        if is_sequence && raw.is_some() {
+        if scene.needs_sequence() && raw.is_some() {
             bail!(
-                "--format {}: a moving robot and a rolling shutter are rendered as png, pgm, yuv or nv12",
+                "--format {}: a moving robot, a rolling shutter and blur by motion are rendered as png, pgm, yuv or nv12",
                 self.format
             );
         }
@@ -178,6 +192,20 @@ impl Render {
         }
         bar.finish_and_clear();
         Ok(())
+    }
+
+    /// The scene as a file, with a copy of its floor's picture, so that the folder can be moved.
+    fn save_scene(&self, scene: &Scene) -> anyhow::Result<()> {
+        let mut scene = scene.clone();
+        if let Some(image) = &mut scene.floor.image {
+            let extension = image.file.extension().and_then(|extension| extension.to_str()).unwrap_or("png");
+            let name = format!("floor.{extension}");
+            let bytes = std::fs::read(&image.file)
+                .with_context(|| format!("{}: cannot read it again", image.file.display()))?;
+            write(&self.out.join(&name), &bytes)?;
+            image.file = name.into();
+        }
+        write(&self.out.join("scene.toml"), toml::to_string(&scene).context("scene as TOML")?.as_bytes())
     }
 
     fn save(&self, frame: u32, bytes: &[u8], truth: &Truth) -> anyhow::Result<()> {
@@ -263,10 +291,14 @@ pub(super) fn load_scene(name: &str, rig: &Rig) -> anyhow::Result<Scene> {
             return Ok(gallery::random_scene(seed, theme, rig.stripe()));
         }
     }
-    let text = std::fs::read_to_string(name).with_context(|| {
-        format!("{name}: neither a ready-made scene (`nearfield twin scenes` lists them) nor a readable file")
-    })?;
-    Scene::from_toml(&text).with_context(|| name.to_owned())
+    match Scene::load(Path::new(name)) {
+        Err(error @ SceneError::Read { .. }) => Err(error).with_context(|| {
+            format!(
+                "{name}: neither a ready-made scene (`nearfield twin scenes` lists them) nor a readable file"
+            )
+        }),
+        other => other.with_context(|| name.to_owned()),
+    }
 }
 
 #[cfg(test)]

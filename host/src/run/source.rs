@@ -15,7 +15,7 @@ use nearfield_shared::units::Micros;
 use super::mailbox::{Fetched, Mailbox, Reader};
 use super::twin_hands::TwinHands;
 use crate::capture::{Frame, Pixels, is_picture_name, read_frame};
-use crate::twin::{Picture, Scene, SceneObject, Twin, View};
+use crate::twin::{Picture, Scene, SceneObject, Sequence, Twin, View};
 
 /// Delivers pictures.
 pub trait Source: Send {
@@ -44,6 +44,8 @@ pub struct TwinSource {
     twin: Twin,
     /// What moves, and from picture to picture how long; `None` = nothing does.
     moving: Option<(Scene, f64)>,
+    /// The same where one moment is not enough: a moving robot, a rolling shutter, blur by motion.
+    sequence: Option<(Sequence, f64)>,
     /// What lies there by itself, and who lays a test piece beside it.
     hands: Option<(Vec<SceneObject>, TwinHands)>,
     picture: Picture,
@@ -61,6 +63,7 @@ impl TwinSource {
         Ok(Self {
             twin,
             moving: None,
+            sequence: None,
             hands: None,
             picture: Picture::black(0, 0),
             number: 0,
@@ -68,17 +71,26 @@ impl TwinSource {
         })
     }
 
-    /// Objects with a velocity move, so many pictures a second.
-    #[must_use]
-    pub fn moving(self, scene: &Scene, frames_per_second: f64) -> Self {
+    /// Objects with a velocity and a robot with one move, so many pictures a second; rows are exposed one after the other and for
+    /// as long as the scene says.
+    ///
+    /// # Errors
+    /// The scene cannot be used.
+    pub fn moving(self, scene: &Scene, seed: u64, frames_per_second: f64) -> anyhow::Result<Self> {
+        let period = 1.0 / frames_per_second;
+        if scene.needs_sequence() {
+            let sequence = Sequence::new(self.twin.view().rig(), scene, seed)?;
+            return Ok(Self { sequence: Some((sequence, period)), ..self });
+        }
         let moves = scene.objects.iter().any(|object| object.velocity_mm_per_s != [0.0; 2]);
-        Self { moving: moves.then(|| (scene.clone(), 1.0 / frames_per_second)), ..self }
+        Ok(Self { moving: moves.then(|| (scene.clone(), period)), ..self })
     }
 
     /// Who lays a test piece into this scene, if nothing in it moves.
     #[must_use]
     pub fn with_hands(self, scene: &Scene, hands: Hands) -> Self {
-        let hands = self.moving.is_none().then(|| (scene.objects.clone(), TwinHands::new(hands)));
+        let is_still = self.moving.is_none() && self.sequence.is_none();
+        let hands = is_still.then(|| (scene.objects.clone(), TwinHands::new(hands)));
         Self { hands, ..self }
     }
 }
@@ -94,7 +106,13 @@ impl Source for TwinSource {
             let all: Vec<SceneObject> = lying.iter().cloned().chain(piece).collect();
             self.twin.place(&all)?;
         }
-        self.twin.render_into(self.number, drive, &mut self.picture);
+        match &mut self.sequence {
+            Some((sequence, period)) => {
+                let seconds = self.number as f64 * *period;
+                (self.picture, _) = sequence.picture(self.number, seconds, drive)?;
+            }
+            None => self.twin.render_into(self.number, drive, &mut self.picture),
+        }
         self.number += 1;
         self.frame = self.picture.to_yuv420_frame()?;
         Ok(true)

@@ -1,11 +1,16 @@
 //! Objects of a scene turned into solids of the world, and what a ray meets among them.
 
+mod build;
+
 use nearfield_shared::camera::Vector;
 use nearfield_shared::rig::Rig;
 
+use self::build::build;
+
 use super::material::Material;
+use super::relief::Relief;
 use super::scene::{SceneError, SceneObject, Shape};
-use super::shape::{Bounds, Frame, Hit, NEAREST_HIT, Primitive, Ray};
+use super::shape::{Bounds, Hit, NEAREST_HIT, Primitive, Ray};
 
 /// The floor's own directions: along the stripe, outward across it, up.
 #[derive(Debug, Clone, Copy)]
@@ -86,6 +91,8 @@ pub struct PartOfBody {
 pub struct World {
     /// The bodies, in the scene's order.
     pub bodies: Vec<Body>,
+    /// The floor's waves; `None` for a level floor.
+    relief: Option<Relief>,
 }
 
 impl World {
@@ -94,8 +101,41 @@ impl World {
     /// # Errors
     /// An unknown material.
     pub fn new(axes: &FloorAxes, objects: &[SceneObject]) -> Result<Self, SceneError> {
-        let bodies = objects.iter().map(|object| Body::new(axes, object)).collect::<Result<_, _>>()?;
-        Ok(Self { bodies })
+        Self::on(axes, objects, None)
+    }
+
+    /// As [`Self::new`], on a floor that may have waves: every object stands as high as the floor is below its middle.
+    ///
+    /// # Errors
+    /// An unknown material.
+    pub fn on(axes: &FloorAxes, objects: &[SceneObject], relief: Option<Relief>) -> Result<Self, SceneError> {
+        let body = |object: &SceneObject| match &relief {
+            Some(relief) if !matches!(object.shape, Shape::Pit { .. }) => {
+                let rise = relief.height(axes.place(object.along_mm, object.across_mm, 0.0));
+                Body::new(axes, &SceneObject { bottom_mm: object.bottom_mm + rise, ..object.clone() })
+            }
+            _ => Body::new(axes, object),
+        };
+        Ok(Self { bodies: objects.iter().map(body).collect::<Result<_, _>>()?, relief })
+    }
+
+    /// A floor without bodies.
+    #[must_use]
+    pub const fn bare(relief: Option<Relief>) -> Self {
+        Self { bodies: Vec::new(), relief }
+    }
+
+    /// Has the floor no waves?
+    #[must_use]
+    pub const fn is_level(&self) -> bool {
+        self.relief.is_none()
+    }
+
+    /// Distance from a point to a part of a body, negative inside (see [`Primitive::distance`]).
+    #[must_use]
+    pub fn distance_to(&self, part: PartOfBody, point: Vector) -> f64 {
+        let solid = self.bodies.get(part.body).and_then(|body| body.parts.get(part.part));
+        solid.map_or(f64::INFINITY, |(solid, _)| solid.distance(point))
     }
 
     /// The first surface on the ray, the floor included; `None` for the sky.
@@ -223,6 +263,12 @@ impl World {
                 return Some((far, surface));
             }
         }
+        if let Some((along, normal)) = self.relief.as_ref().and_then(|relief| relief.meet(ray, along))
+            && ray.direction.z < 0.0
+            && along > NEAREST_HIT
+        {
+            return Some((along, Surface { point: ray.at(along), normal, body: None, part: None }));
+        }
         let up = if ray.direction.z < 0.0 { 1.0 } else { -1.0 };
         Some((along, Surface { point, normal: Vector::new(0.0, 0.0, up), body: None, part: None }))
     }
@@ -267,201 +313,5 @@ impl Body {
     }
 }
 
-/// A frame standing at a place of the object's own plan, turned with it.
-struct Plan<'a> {
-    axes: &'a FloorAxes,
-    object: &'a SceneObject,
-}
-
-impl Plan<'_> {
-    /// The object's own x (width) and y (depth) directions in the world.
-    fn directions(&self) -> (Vector, Vector) {
-        let (sine, cosine) = self.object.yaw_degrees.to_radians().sin_cos();
-        let (along, across) = (self.axes.along, self.axes.across);
-        (along.scaled(cosine).plus(across.scaled(sine)), across.scaled(cosine).minus(along.scaled(sine)))
-    }
-
-    fn point(&self, x: f64, y: f64, z: f64) -> Vector {
-        let (width, depth) = self.directions();
-        let origin = self.axes.place(self.object.along_mm, self.object.across_mm, self.object.bottom_mm);
-        origin.plus(width.scaled(x)).plus(depth.scaled(y)).plus(Vector::new(0.0, 0.0, z))
-    }
-
-    fn upright(&self, x: f64, y: f64, z: f64) -> Frame {
-        let (width, depth) = self.directions();
-        Frame { origin: self.point(x, y, z), axes: [width, depth, Vector::new(0.0, 0.0, 1.0)] }
-    }
-}
-
-fn build(axes: &FloorAxes, object: &SceneObject) -> Vec<Primitive> {
-    let plan = Plan { axes, object };
-    match &object.shape {
-        Shape::Box { width_mm, depth_mm, height_mm } => {
-            let half = Vector::new(width_mm / 2.0, depth_mm / 2.0, height_mm / 2.0);
-            vec![Primitive::Box(plan.upright(0.0, 0.0, half.z), half)]
-        }
-        Shape::Pit { width_mm, depth_mm, deep_mm } => {
-            let half = Vector::new(width_mm / 2.0, depth_mm / 2.0, deep_mm / 2.0);
-            vec![Primitive::Box(plan.upright(0.0, 0.0, -half.z - object.bottom_mm), half)]
-        }
-        Shape::Post { diameter_mm, height_mm } => {
-            vec![Primitive::Cylinder(plan.upright(0.0, 0.0, 0.0), diameter_mm / 2.0, *height_mm)]
-        }
-        Shape::Rod { diameter_mm, length_mm } => {
-            let (width, depth) = plan.directions();
-            let origin = plan.point(-length_mm / 2.0, 0.0, diameter_mm / 2.0);
-            let frame = Frame { origin, axes: [depth, Vector::new(0.0, 0.0, 1.0), width] };
-            vec![Primitive::Cylinder(frame, diameter_mm / 2.0, *length_mm)]
-        }
-        Shape::Cable { diameter_mm, path_mm } => {
-            let radius = diameter_mm / 2.0;
-            let curve = smooth(path_mm);
-            let points: Vec<Vector> = curve.iter().map(|[x, y]| plan.point(*x, *y, radius)).collect();
-            points.windows(2).map(|pair| Primitive::Capsule(pair[0], pair[1], radius)).collect()
-        }
-        Shape::Hand { height_mm } => hand(&plan, *height_mm),
-    }
-}
-
-/// Steps between two places of a cable's path.
-const CURVE_STEPS: u32 = 8;
-
-/// A Catmull-Rom curve through the places.
-fn smooth(path: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let at = |index: isize| {
-        let last = path.len() as isize - 1;
-        path[index.clamp(0, last) as usize]
-    };
-    let mut curve = Vec::with_capacity(path.len() * CURVE_STEPS as usize);
-    for segment in 0..path.len() as isize - 1 {
-        let [p0, p1, p2, p3] = [at(segment - 1), at(segment), at(segment + 1), at(segment + 2)];
-        for step in 0..CURVE_STEPS {
-            let t = f64::from(step) / f64::from(CURVE_STEPS);
-            curve.push(std::array::from_fn(|axis| {
-                let (a, b, c, d) = (p0[axis], p1[axis], p2[axis], p3[axis]);
-                let bend = (2.0 * a - 5.0 * b + 4.0 * c - d) * t + (3.0 * (b - c) + d - a) * t * t;
-                0.5 * (2.0 * b + (c - a + bend) * t)
-            }));
-        }
-    }
-    curve.push(at(path.len() as isize - 1));
-    curve
-}
-
-/// A forearm (thickest at the elbow, which is outward), a palm, four fingers and a thumb.
-fn hand(plan: &Plan<'_>, height: f64) -> Vec<Primitive> {
-    let radius = height / 2.0;
-    let finger = 0.16 * height;
-    let mut parts = vec![
-        Primitive::Capsule(plan.point(0.0, 3.2 * height, radius), plan.point(0.0, 0.0, radius), radius),
-        Primitive::Capsule(
-            plan.point(0.0, -0.2 * height, 0.44 * height),
-            plan.point(0.0, -0.9 * height, 0.40 * height),
-            0.40 * height,
-        ),
-        Primitive::Ellipsoid(
-            plan.upright(0.0, -1.15 * height, 0.40 * height),
-            Vector::new(0.78 * height, 1.2 * height, 0.40 * height),
-        ),
-    ];
-    for (index, long) in [0.8, 1.0, 1.05, 0.9].into_iter().enumerate() {
-        let x = (index as f64 - 1.5) * 0.36 * height;
-        let knuckle = plan.point(x, -2.0 * height, 0.30 * height);
-        let tip = plan.point(x * 1.15, -(2.0 + 1.1 * long) * height, finger);
-        parts.push(Primitive::Capsule(knuckle, tip, finger));
-    }
-    let thumb =
-        [plan.point(0.6 * height, -height, 0.3 * height), plan.point(1.3 * height, -1.9 * height, finger)];
-    parts.push(Primitive::Capsule(thumb[0], thumb[1], 1.15 * finger));
-    parts
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::twin::gallery;
-    use crate::twin::scene::MaterialChoice;
-
-    fn axes() -> FloorAxes {
-        FloorAxes::new(&gallery::default_rig())
-    }
-
-    fn object(shape: Shape) -> SceneObject {
-        SceneObject {
-            name: "thing".into(),
-            shape,
-            material: MaterialChoice::named("grey_card"),
-            along_mm: 20.0,
-            across_mm: -30.0,
-            yaw_degrees: 25.0,
-            bottom_mm: 0.0,
-            velocity_mm_per_s: [0.0; 2],
-        }
-    }
-
-    fn straight_down(axes: &FloorAxes, along: f64, across: f64) -> Ray {
-        Ray { start: axes.place(along, across, 900.0), direction: Vector::new(0.0, 0.0, -1.0) }
-    }
-
-    #[test]
-    fn every_shape_stands_on_the_floor_with_its_stated_height() {
-        for (shape, height) in [
-            (Shape::Box { width_mm: 80.0, depth_mm: 60.0, height_mm: 45.0 }, 45.0),
-            (Shape::Post { diameter_mm: 40.0, height_mm: 160.0 }, 160.0),
-            (Shape::Rod { diameter_mm: 22.0, length_mm: 150.0 }, 22.0),
-            (Shape::Cable { diameter_mm: 6.0, path_mm: vec![[-50.0, 0.0], [0.0, 10.0], [50.0, 0.0]] }, 6.0),
-            (Shape::Pit { width_mm: 100.0, depth_mm: 80.0, deep_mm: 40.0 }, -40.0),
-        ] {
-            let world = World::new(&axes(), &[object(shape.clone())]).unwrap();
-            assert!((world.bodies[0].height_mm - height).abs() < 1e-9, "{shape:?}");
-            let across = if matches!(shape, Shape::Cable { .. }) {
-                -30.0 + 10.0 * 25.0_f64.to_radians().cos()
-            } else {
-                -30.0
-            };
-            let along = if matches!(shape, Shape::Cable { .. }) {
-                20.0 - 10.0 * 25.0_f64.to_radians().sin()
-            } else {
-                20.0
-            };
-            let hit = world.trace(&straight_down(&axes(), along, across)).unwrap();
-            assert!((hit.point.z - height).abs() < 1e-3, "{shape:?}: {}", hit.point.z);
-            assert_eq!(hit.body, Some(0));
-        }
-    }
-
-    #[test]
-    fn a_forearm_is_as_high_as_it_says_and_a_palm_lower() {
-        let world = World::new(&axes(), &[object(Shape::Hand { height_mm: 52.0 })]).unwrap();
-        assert!((world.bodies[0].height_mm - 52.0).abs() < 1e-9);
-        assert!(world.bodies[0].bounds.low.z.abs() < 2.0);
-    }
-
-    #[test]
-    fn across_points_away_from_the_laser() {
-        let axes = axes();
-        let rig = gallery::default_rig();
-        assert!(axes.across.dot(axes.origin.minus(rig.laser().origin)) > 0.0);
-        let [along, across] = axes.coordinates(axes.place(12.0, -34.0, 56.0));
-        assert!((along - 12.0).abs() < 1e-9 && (across + 34.0).abs() < 1e-9);
-    }
-
-    #[test]
-    fn light_reaches_a_pit_only_through_its_opening() {
-        let pit = object(Shape::Pit { width_mm: 100.0, depth_mm: 80.0, deep_mm: 40.0 });
-        let world = World::new(&axes(), &[pit]).unwrap();
-        let bottom = axes().place(20.0, -30.0, -40.0);
-        assert!(!world.blocked(axes().place(20.0, -30.0, 500.0), bottom));
-        assert!(world.blocked(axes().place(700.0, -30.0, 100.0), bottom), "below the rim from a low side");
-    }
-
-    #[test]
-    fn a_box_blocks_what_lies_behind_it_and_not_itself() {
-        let solid = object(Shape::Box { width_mm: 80.0, depth_mm: 60.0, height_mm: 45.0 });
-        let world = World::new(&axes(), &[solid]).unwrap();
-        let lamp = axes().place(20.0, -500.0, 200.0);
-        assert!(world.blocked(lamp, axes().place(20.0, 20.0, 0.0)));
-        assert!(!world.blocked(lamp, axes().place(20.0, -30.0, 45.0)), "its own top is lit");
-        assert!(!world.blocked(lamp, axes().place(200.0, 20.0, 0.0)), "beside it");
-    }
-}
+mod tests;

@@ -1,13 +1,14 @@
-//! Procedural floors: the colour of every place of the floor as a pure function of a seed.
+//! Floors: the colour of every place of the floor as a pure function of a seed, or from a picture.
 
 use super::material::LinearColour;
 use super::random::{lattice, scramble, unit};
-use super::scene::{Floor, FloorKind, PaintedLine};
+use super::scene::{Floor, FloorImage, FloorKind, PaintedLine};
 
 /// A floor's colours.
 #[derive(Debug, Clone)]
 pub struct FloorTexture {
     kind: FloorKind,
+    image: Option<FloorImage>,
     paint: Vec<PaintedLine>,
     shift: [f64; 2],
     seed: u64,
@@ -26,7 +27,15 @@ impl FloorTexture {
     #[must_use]
     pub fn new(floor: &Floor, seed: u64) -> Self {
         let seed = scramble(seed ^ 0x0066_6C6F_6F72);
-        Self { kind: floor.kind, paint: floor.paint.clone(), shift: floor.shift_mm, seed }
+        let (image, paint) = (floor.image.clone(), floor.paint.clone());
+        Self { kind: floor.kind, image, paint, shift: floor.shift_mm, seed }
+    }
+
+    /// Mean colour of a floor without its paint, linear sRGB.
+    #[must_use]
+    pub fn mean_of(floor: &Floor) -> LinearColour {
+        let picture = floor.image.as_ref().and_then(|image| image.texture.as_ref());
+        picture.map_or_else(|| Self::mean_albedo(floor.kind), |picture| picture.mean())
     }
 
     /// Mean colour of a floor kind, linear sRGB.
@@ -58,6 +67,9 @@ impl FloorTexture {
     }
 
     fn ground(&self, along: f64, across: f64, footprint: f64) -> LinearColour {
+        if let Some(FloorImage { width_mm, texture: Some(texture), .. }) = &self.image {
+            return texture.colour(along / width_mm, -across / width_mm, footprint / width_mm);
+        }
         let mean = Self::mean_albedo(self.kind);
         match self.kind {
             FloorKind::Concrete | FloorKind::ConcreteDark => {

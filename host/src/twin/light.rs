@@ -46,6 +46,12 @@ impl Daylight {
         self.level * (1.0 + self.unevenness * metres).max(0.1)
     }
 
+    /// What the slope of a floor that is not level makes of its light, 1 where it is level.
+    #[must_use]
+    pub fn on_slope(&self, normal: Vector) -> f64 {
+        EVEN_SHARE + (1.0 - EVEN_SHARE) * normal.dot(self.main).max(0.0) / MAIN_ELEVATION
+    }
+
     /// What a surface with this normal sends to the eye.
     #[must_use]
     pub fn on_body(
@@ -130,7 +136,8 @@ mod tests {
         let axes = FloorAxes::new(&gallery::default_rig());
         let light = Light { lux: 400.0, from_degrees: 30.0, unevenness: 0.0 };
         let daylight = Daylight::new(axes, &light);
-        let white = Material { albedo: [1.0; 3], laser_albedo: 1.0, gloss: 0.0, tightness: 10.0 };
+        let grey = crate::twin::material::named("grey_card").unwrap();
+        let white = Material { albedo: [1.0; 3], laser_albedo: 1.0, ..grey };
         let up = Vector::new(0.0, 0.0, 1.0);
         let seen = daylight.on_body(axes.place(0.0, 0.0, 50.0), up, up, &white);
         assert!((seen[0] - 1.0).abs() < 1e-6 && (daylight.on_floor(axes.origin) - 1.0).abs() < 1e-9);

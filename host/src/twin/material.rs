@@ -19,6 +19,27 @@ pub struct Material {
     /// How tight the highlight is (Blinn-Phong exponent).
     #[serde(default = "default_tightness")]
     pub tightness: f32,
+    /// Share of the returned laser light that has wandered under the surface first: 0 opaque, 0.5 skin, 0.9 wax or milky
+    /// plastic. It leaves the stripe wider, softer and without speckle.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub translucency: f32,
+    /// How far that light wanders along the surface: its brightness falls to 1/e over this length, millimetres.
+    #[serde(default = "default_scatter", skip_serializing_if = "is_default_scatter")]
+    pub scatter_mm: f32,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde hands over references")]
+fn is_zero(share: &f32) -> bool {
+    *share == 0.0
+}
+
+const fn default_scatter() -> f32 {
+    3.0
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde hands over references")]
+fn is_default_scatter(length: &f32) -> bool {
+    *length == default_scatter()
 }
 
 const fn default_tightness() -> f32 {
@@ -26,15 +47,26 @@ const fn default_tightness() -> f32 {
 }
 
 const fn matt(red: f32, green: f32, blue: f32) -> Material {
-    Material { albedo: [red, green, blue], laser_albedo: red, gloss: 0.0, tightness: default_tightness() }
+    glossy(red, green, blue, 0.0, default_tightness())
 }
 
 const fn glossy(red: f32, green: f32, blue: f32, gloss: f32, tightness: f32) -> Material {
-    Material { albedo: [red, green, blue], laser_albedo: red, gloss, tightness }
+    Material {
+        albedo: [red, green, blue],
+        laser_albedo: red,
+        gloss,
+        tightness,
+        translucency: 0.0,
+        scatter_mm: default_scatter(),
+    }
+}
+
+const fn translucent(opaque: Material, translucency: f32, scatter_mm: f32) -> Material {
+    Material { translucency, scatter_mm, ..opaque }
 }
 
 /// The materials a scene may name, with their everyday reflectances (estimates from photographs, not measurements).
-pub const MATERIALS: [(&str, Material); 20] = [
+pub const MATERIALS: [(&str, Material); 23] = [
     ("cardboard", matt(0.36, 0.23, 0.13)),
     ("white_card", matt(0.75, 0.74, 0.72)),
     ("grey_card", matt(0.18, 0.18, 0.18)),
@@ -55,6 +87,9 @@ pub const MATERIALS: [(&str, Material); 20] = [
     ("denim", matt(0.06, 0.09, 0.18)),
     ("high_visibility", matt(0.70, 0.55, 0.02)),
     ("velvet_black", matt(0.012, 0.012, 0.012)),
+    ("wax_white", translucent(matt(0.70, 0.68, 0.60), 0.85, 4.0)),
+    ("plastic_milky", translucent(glossy(0.50, 0.50, 0.50, 0.20, 60.0), 0.90, 8.0)),
+    ("plastic_clear", translucent(glossy(0.06, 0.06, 0.06, 0.30, 80.0), 0.95, 15.0)),
 ];
 
 /// The material of this name.
@@ -72,6 +107,7 @@ mod tests {
         for (index, (name, material)) in MATERIALS.iter().enumerate() {
             let reflectances = material.albedo.iter().chain([&material.laser_albedo]);
             assert!(reflectances.into_iter().all(|share| (0.0..=1.0).contains(share)), "{name}");
+            assert!((0.0..=1.0).contains(&material.translucency) && material.scatter_mm > 0.0, "{name}");
             assert!(MATERIALS[index + 1..].iter().all(|(other, _)| other != name), "{name} twice");
             assert_eq!(named(name), Some(*material));
         }

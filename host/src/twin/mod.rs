@@ -23,21 +23,22 @@
 //! | [`scene`], [`material`], [`gallery`] | what is there: files, materials, ready-made and random scenes |
 //! | [`view`] | a rig's lines of sight, computed once |
 //! | [`shape`], [`body`] | solids and what a ray meets |
-//! | [`floor`], [`light`], [`open_floor`], [`sheet`], [`bounce`] | colours of floors, daylight and its shadows, the laser's sheet, light thrown on by bodies |
-//! | [`patch`], [`sensor`], [`picture`] | lens blur, noise and colour, bytes |
+//! | [`floor`], [`texture`], [`relief`], [`light`], [`open_floor`], [`sheet`], [`bounce`] | colours of floors (procedural or from a picture) and their waves, daylight and its shadows, the laser's sheet, light thrown on by bodies |
+//! | [`patch`], [`dirt`], [`sensor`], [`picture`] | lens blur, dirt on the lens, noise and colour, bytes |
 //! | [`render`] | all of it together: [`Twin`] |
-//! | [`sequence`] | a robot and objects that move, rolling shutter: [`Sequence`] |
+//! | [`sequence`] | a robot and objects that move, rolling shutter, blur by motion: [`Sequence`] |
 //! | [`board`] | pictures of a calibration board |
 //! | [`truth`] | what a correct sensor must say |
 //! | [`compare`] | measured against another renderer's pictures |
 //!
-//! Not modelled: light that bounces more than once, mirror images in wet floors, translucent bodies, dirt on the lens,
-//! blur by motion within an exposure.
+//! Not modelled: light that bounces more than once, mirror images in wet floors, light that leaves a translucent body on
+//! another side than it has entered, speckle that changes with motion (it stays where it is in the picture).
 
 pub mod board;
 pub mod body;
 pub mod bounce;
 pub mod compare;
+pub mod dirt;
 pub mod floor;
 pub mod gallery;
 pub mod light;
@@ -46,6 +47,7 @@ pub mod open_floor;
 pub mod patch;
 pub mod picture;
 pub mod random;
+pub mod relief;
 pub mod render;
 pub mod scene;
 mod scene_check;
@@ -53,6 +55,7 @@ pub mod sensor;
 pub mod sequence;
 pub mod shape;
 pub mod sheet;
+pub mod texture;
 pub mod truth;
 pub mod view;
 

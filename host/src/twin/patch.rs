@@ -36,6 +36,27 @@ impl Patch {
         Self { area, values: vec![0.0; (area.right - area.left) * (area.bottom - area.top)] }
     }
 
+    /// A rectangle of it, which must lie within it.
+    #[must_use]
+    pub fn part(&self, area: PixelRectangle) -> Self {
+        let mut part =
+            Self { area, values: Vec::with_capacity((area.right - area.left) * (area.bottom - area.top)) };
+        for row in area.top..area.bottom {
+            let start = (row - self.area.top) * self.width() + area.left - self.area.left;
+            part.values.extend_from_slice(&self.values[start..start + area.right - area.left]);
+        }
+        part
+    }
+
+    /// Takes over the values of another patch, which must lie within this one.
+    pub fn put(&mut self, other: &Self) {
+        let (width, left) = (self.width(), other.area.left - self.area.left);
+        for (line, row) in other.values.chunks_exact(other.width()).zip(other.area.top - self.area.top..) {
+            let start = row * width + left;
+            self.values[start..start + line.len()].copy_from_slice(line);
+        }
+    }
+
     /// Columns.
     #[must_use]
     pub const fn width(&self) -> usize {

@@ -17,15 +17,18 @@ use nearfield_shared::camera::Vector;
 
 use self::ground::LitPixel;
 use self::planes::copy_area;
+pub(in crate::twin) use self::planes::{cut, paste};
 use super::body::{Body, FloorAxes, World};
 use super::bounce::Bounce;
+use super::dirt::DirtyGlass;
 use super::floor::FloorTexture;
 use super::light::{Daylight, SHADOW_REACH_MM};
 use super::patch::gaussian;
 use super::picture::Picture;
 use super::random::{lattice, unit};
+use super::relief::Relief;
 use super::scene::{Look, Scene, SceneError, SceneObject};
-use super::sensor::{RawPlanes, Sensor, Shot};
+use super::sensor::{Incident, RawPlanes, Sensor, Shot};
 use super::shape::Bounds;
 use super::sheet::Sheet;
 use super::truth::Truth;
@@ -57,6 +60,7 @@ pub struct Twin {
     look: Look,
     daylight: Daylight,
     texture: FloorTexture,
+    relief: Option<Relief>,
     sensor: Sensor,
     exposure: f32,
     seed: u64,
@@ -67,6 +71,9 @@ pub struct Twin {
     /// With objects, after the lens.
     day: RawPlanes,
     laser: Vec<f32>,
+    /// Dirt on the lens, and what comes through it; none on a clean lens.
+    glass: Option<DirtyGlass>,
+    dimmed: Incident,
     /// What [`Self::place`] drew last.
     drawn: Vec<PixelRectangle>,
     lit_rows: std::ops::Range<usize>,
@@ -81,7 +88,7 @@ impl Twin {
         scene.check()?;
         let axes = FloorAxes::new(view.rig());
         let exposure = scene.look.exposure.unwrap_or_else(|| automatic_exposure(scene)) as f32;
-        let pixels = view.width() * view.height();
+        let (width, height) = (view.width(), view.height());
         let mut twin = Self {
             axes,
             sheet: Sheet::new(view.rig(), &scene.look),
@@ -90,6 +97,7 @@ impl Twin {
             look: scene.look.clone(),
             daylight: Daylight::new(axes, &scene.light),
             texture: FloorTexture::new(&scene.floor, seed),
+            relief: Relief::new(axes, &scene.floor, seed),
             sensor: Sensor::new(seed),
             exposure,
             seed,
@@ -97,7 +105,9 @@ impl Twin {
             floor_soft: RawPlanes::default(),
             floor_lit: Vec::new(),
             day: RawPlanes::default(),
-            laser: vec![0.0; pixels],
+            laser: vec![0.0; width * height],
+            glass: DirtyGlass::new(&scene.dirt, width, height, seed),
+            dimmed: Incident::default(),
             drawn: Vec::new(),
             lit_rows: 0..0,
             view,
@@ -126,7 +136,7 @@ impl Twin {
     pub fn place(&mut self, objects: &[SceneObject]) -> Result<(), SceneError> {
         let probe = Scene { objects: objects.to_vec(), ..Scene::default() };
         probe.check()?;
-        self.world = World::new(&self.axes, objects)?;
+        self.world = World::on(&self.axes, objects, self.relief.clone())?;
         if self.look.bounce > 0.0 {
             self.bounce = Bounce::of(self.view.rig(), &self.sheet, &self.world);
         }
@@ -140,7 +150,26 @@ impl Twin {
         let light = self.draw(&areas);
         self.relight(&areas, light);
         self.drawn = areas;
+        if let Some(glass) = &self.glass {
+            self.dimmed.day.values.clone_from(&self.day.values);
+            self.dimmed.laser.clone_from(&self.laser);
+            glass.dim(&mut self.dimmed.day, &mut self.dimmed.laser);
+        }
         Ok(())
+    }
+
+    /// The light behind lens and dirt.
+    fn incident(&self) -> (&RawPlanes, &[f32]) {
+        match self.glass {
+            Some(_) => (&self.dimmed.day, &self.dimmed.laser),
+            None => (&self.day, &self.laser),
+        }
+    }
+
+    /// Adds a share of what the sensor sees now to what it has collected already.
+    pub fn collect_into(&self, sum: &mut Incident, share: f32) {
+        let (day, laser) = self.incident();
+        sum.add(day, laser, share);
     }
 
     /// Pixels that a body may change.
@@ -170,7 +199,16 @@ impl Twin {
         if (picture.width, picture.height) != (self.view.width(), self.view.height()) {
             *picture = Picture::black(self.view.width(), self.view.height());
         }
-        self.sensor.expose(&self.day, &self.laser, &self.shot(frame, drive), picture);
+        let (day, laser) = self.incident();
+        self.sensor.expose(day, laser, &self.shot(frame, drive), picture);
+    }
+
+    /// A picture of light that was collected from moments of this view ([`Self::collect_into`]).
+    pub fn render_collected(&self, light: &Incident, frame: u64, drive: f32, picture: &mut Picture) {
+        if (picture.width, picture.height) != (self.view.width(), self.view.height()) {
+            *picture = Picture::black(self.view.width(), self.view.height());
+        }
+        self.sensor.expose(&light.day, &light.laser, &self.shot(frame, drive), picture);
     }
 
     /// Takes a picture as the sensor's Bayer mosaic, red first: one value a pixel, row by row, black at 4096 of 65536. The
@@ -179,7 +217,8 @@ impl Twin {
     pub fn render_mosaic(&self, frame: u64, drive: f32) -> Vec<u16> {
         let mut mosaic = vec![0; self.view.width() * self.view.height()];
         let (shot, columns) = (self.shot(frame, drive), self.view.width());
-        self.sensor.expose_mosaic(&self.day, &self.laser, &shot, columns, &mut mosaic);
+        let (day, laser) = self.incident();
+        self.sensor.expose_mosaic(day, laser, &shot, columns, &mut mosaic);
         mosaic
     }
 
@@ -191,7 +230,12 @@ impl Twin {
     /// What is really there, while the laser is driven at `drive`.
     #[must_use]
     pub fn truth(&self, drive: f32) -> Truth {
-        Truth::of(&self.view, &self.axes, &self.world, drive > 0.0 && self.look.laser_power > 0.0)
+        self.truth_in(&self.world, drive)
+    }
+
+    fn truth_in(&self, world: &World, drive: f32) -> Truth {
+        let laser_on = drive > 0.0 && self.look.laser_power > 0.0;
+        Truth::of(&self.view, &self.axes, world, laser_on).through(self.glass.as_ref())
     }
 
     /// What would really be there with these objects in these places; nothing is drawn.
@@ -199,8 +243,7 @@ impl Twin {
     /// # Errors
     /// An object's mistake.
     pub fn truth_of(&self, objects: &[SceneObject], drive: f32) -> Result<Truth, SceneError> {
-        let world = World::new(&self.axes, objects)?;
-        Ok(Truth::of(&self.view, &self.axes, &world, drive > 0.0 && self.look.laser_power > 0.0))
+        Ok(self.truth_in(&World::on(&self.axes, objects, self.relief.clone())?, drive))
     }
 
     /// Size of this picture's pixels is `1 / scale` of the camera's.
@@ -236,7 +279,7 @@ impl Twin {
 /// which the laser could not be seen any more.
 fn automatic_exposure(scene: &Scene) -> f64 {
     let brightest = |[red, green, blue]: [f32; 3]| f64::from(red.max(green).max(blue)).max(0.02);
-    let floor = MID_GREY / brightest(FloorTexture::mean_albedo(scene.floor.kind));
+    let floor = MID_GREY / brightest(FloorTexture::mean_of(&scene.floor));
     let paint = scene.floor.paint.iter().map(|line| BRIGHTEST_PAINT / brightest(line.colour));
     paint.fold(floor, f64::min) * 400.0 / scene.light.lux.max(20.0)
 }

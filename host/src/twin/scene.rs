@@ -5,9 +5,21 @@
 //! The laser comes in low over the floor from the robot's side, so it hits a high object *before* the stripe: an
 //! object of height h cuts the stripe if it covers any `across_mm` from about -2.5 h to 0 (for the usual rig).
 
+mod dirt;
+mod floor;
+mod look;
+mod object;
+
+use std::path::Path;
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
-use super::material::{self, LinearColour, Material};
+pub use self::dirt::{Dirt, DirtKind, DirtSpot};
+pub use self::floor::{Floor, FloorImage, FloorKind, PaintedLine};
+pub use self::look::{Light, Look};
+pub use self::object::{MaterialChoice, SceneObject, Shape};
+use super::texture::ImageTexture;
 use super::truth::Moment;
 
 /// A floor, its light, the camera's settings and the objects.
@@ -36,167 +48,13 @@ pub struct Scene {
     pub light: Light,
     /// Camera and laser settings.
     pub look: Look,
+    /// Dirt on the lens.
+    #[serde(skip_serializing_if = "Dirt::is_clean")]
+    pub dirt: Dirt,
     /// How the robot moves that carries camera and laser.
     pub robot: Robot,
     /// Everything on (or in) the floor.
     pub objects: Vec<SceneObject>,
-}
-
-/// The floor.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Floor {
-    /// What it is made of.
-    pub kind: FloorKind,
-    /// Lines painted on it; later ones cover earlier ones.
-    pub paint: Vec<PaintedLine>,
-    /// How far its pattern and paint lie shifted, along and across the stripe: where the robot stands.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub shift_mm: [f64; 2],
-}
-
-#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde hands over references")]
-fn is_zero(values: &[f64; 2]) -> bool {
-    *values == [0.0; 2]
-}
-
-impl Default for Floor {
-    fn default() -> Self {
-        Self { kind: FloorKind::Concrete, paint: Vec::new(), shift_mm: [0.0; 2] }
-    }
-}
-
-/// What a floor is made of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum FloorKind {
-    /// Light concrete with stains and cracks.
-    Concrete,
-    /// Old, dark concrete.
-    ConcreteDark,
-    /// Ceramic tiles of 300 mm with grout.
-    Tiles,
-    /// Grey epoxy coating with flakes.
-    EpoxyGrey,
-    /// Green epoxy coating.
-    EpoxyGreen,
-    /// Red epoxy coating, the laser's own colour.
-    EpoxyRed,
-    /// Wooden planks.
-    Wood,
-    /// Black rubber matting.
-    Rubber,
-}
-
-impl FloorKind {
-    /// All kinds.
-    pub const ALL: [Self; 8] = [
-        Self::Concrete,
-        Self::ConcreteDark,
-        Self::Tiles,
-        Self::EpoxyGrey,
-        Self::EpoxyGreen,
-        Self::EpoxyRed,
-        Self::Wood,
-        Self::Rubber,
-    ];
-}
-
-/// A straight painted line through a point of the floor.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct PaintedLine {
-    /// Linear sRGB.
-    pub colour: LinearColour,
-    /// Its centre line passes through this place along the stripe ...
-    #[serde(default)]
-    pub along_mm: f64,
-    /// ... and this place across it.
-    #[serde(default)]
-    pub across_mm: f64,
-    /// Width of the line.
-    pub width_mm: f64,
-    /// Direction: 0 along the stripe, 90 straight outward.
-    #[serde(default)]
-    pub angle_degrees: f64,
-}
-
-/// The light of the hall: even light from all sides plus one soft main direction.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Light {
-    /// Illuminance of the floor in lux (100 dim, 400 office, 1500 bright).
-    pub lux: f64,
-    /// Where the main light comes from, degrees around from the stripe's direction.
-    pub from_degrees: f64,
-    /// How much it grows or falls over one metre of floor, share of the whole (0 even).
-    pub unevenness: f64,
-}
-
-impl Default for Light {
-    fn default() -> Self {
-        Self { lux: 400.0, from_degrees: 60.0, unevenness: 0.15 }
-    }
-}
-
-/// Camera and laser settings.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Look {
-    /// Exposure; at 1 a white floor under 400 lux just saturates. Left out: chosen so that the floor is mid-grey.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub exposure: Option<f64>,
-    /// Amplification; more means more noise at the same brightness.
-    pub gain: f64,
-    /// Electrons that a pixel holds at gain 1 when it saturates.
-    pub full_well_electrons: f64,
-    /// Read noise, electrons.
-    pub read_noise_electrons: f64,
-    /// Contrast of the laser's speckle in the finished picture (standard deviation over mean).
-    pub speckle: f64,
-    /// Blur of the lens: standard deviation in pixels. Demosaicing adds its own.
-    pub blur_pixels: f64,
-    /// Share of the laser's light that the lens spreads widely.
-    pub halo: f64,
-    /// The laser's power relative to 5 mW at full drive.
-    pub laser_power: f64,
-    /// How far the fan of light reaches beyond both ends of the watched stripe.
-    pub fan_overhang_mm: f64,
-    /// Width (at 1/e^2) of the band of a red LED with a slit that stands in for the laser, in the focus; such a band is as
-    /// much dimmer than the laser's line as it is wider, and has no speckle. Left out: the laser.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub led_band_mm: Option<f64>,
-    /// Share of the light that the lens loses in the picture's farthest corner; grows with the square of the distance
-    /// from the middle.
-    pub vignetting: f64,
-    /// Strength of the light that lit bodies throw on what is around them: 0 none, 1 as physics says.
-    pub bounce: f64,
-    /// Time from one row's exposure to the next one's, microseconds: a rolling shutter (13.4 for the Camera Module 3 at
-    /// 2304x1296). 0: all rows at once. Seen only in sequences.
-    pub row_time_us: f64,
-    /// False: the picture is a Bayer mosaic, which no processor has blurred by reconstructing colours.
-    pub demosaiced: bool,
-}
-
-impl Default for Look {
-    fn default() -> Self {
-        Self {
-            exposure: None,
-            gain: 1.0,
-            full_well_electrons: 9000.0,
-            read_noise_electrons: 4.0,
-            speckle: 0.18,
-            blur_pixels: 0.75,
-            halo: 0.02,
-            laser_power: 1.0,
-            fan_overhang_mm: 8.0,
-            led_band_mm: None,
-            vignetting: 0.0,
-            bounce: 0.0,
-            row_time_us: 0.0,
-            demosaiced: true,
-        }
-    }
 }
 
 /// How the robot moves; camera and laser with it. The floor and all that stands on it goes by.
@@ -228,110 +86,6 @@ impl Robot {
     }
 }
 
-/// One object.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SceneObject {
-    /// How the truth names it.
-    pub name: String,
-    /// Its form and size.
-    pub shape: Shape,
-    /// A name from the list of materials, or one of its own.
-    pub material: MaterialChoice,
-    /// Place along the stripe (of its centre; for a cable, of its path's origin).
-    #[serde(default)]
-    pub along_mm: f64,
-    /// Place across the stripe.
-    #[serde(default)]
-    pub across_mm: f64,
-    /// Turned about the vertical, degrees.
-    #[serde(default)]
-    pub yaw_degrees: f64,
-    /// Height of its underside over the floor.
-    #[serde(default)]
-    pub bottom_mm: f64,
-    /// Speed along and across the stripe, millimetres a second.
-    #[serde(default)]
-    pub velocity_mm_per_s: [f64; 2],
-}
-
-/// A material by name or by its figures.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
-pub enum MaterialChoice {
-    /// One of [`material::MATERIALS`].
-    Named(String),
-    /// Any other.
-    Own(Material),
-}
-
-impl MaterialChoice {
-    /// By name.
-    #[must_use]
-    pub fn named(name: &str) -> Self {
-        Self::Named(name.to_owned())
-    }
-
-    /// The material, or `None` for an unknown name.
-    #[must_use]
-    pub fn resolve(&self) -> Option<Material> {
-        match self {
-            Self::Named(name) => material::named(name),
-            Self::Own(material) => Some(*material),
-        }
-    }
-}
-
-/// Form and size; width lies along the stripe and depth across it before the object is turned.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
-pub enum Shape {
-    /// A box.
-    Box {
-        /// Along the stripe.
-        width_mm: f64,
-        /// Across the stripe.
-        depth_mm: f64,
-        /// Upwards.
-        height_mm: f64,
-    },
-    /// A cylinder on its end: a can, a post, a leg.
-    Post {
-        /// Diameter.
-        diameter_mm: f64,
-        /// Height.
-        height_mm: f64,
-    },
-    /// A cylinder on its side, along the stripe before it is turned.
-    Rod {
-        /// Diameter.
-        diameter_mm: f64,
-        /// Length.
-        length_mm: f64,
-    },
-    /// A round cable lying along a path.
-    Cable {
-        /// Diameter.
-        diameter_mm: f64,
-        /// Places along and across, relative to the object's own place; a smooth curve passes through them.
-        path_mm: Vec<[f64; 2]>,
-    },
-    /// A forearm with a hand, lying across the stripe, the hand towards the robot.
-    Hand {
-        /// Height of the forearm; everything else is in proportion.
-        height_mm: f64,
-    },
-    /// A hole with a flat bottom: a pit, a kerb, the edge of a dock.
-    Pit {
-        /// Along the stripe.
-        width_mm: f64,
-        /// Across the stripe.
-        depth_mm: f64,
-        /// Downwards.
-        deep_mm: f64,
-    },
-}
-
 /// Why a scene cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SceneError {
@@ -356,6 +110,22 @@ pub enum SceneError {
         /// All known names.
         known: String,
     },
+    /// A floor's picture that cannot be used.
+    #[error("floor.image.file: {file}: {reason}")]
+    Image {
+        /// The file.
+        file: String,
+        /// Why not.
+        reason: String,
+    },
+    /// The scene's file cannot be read.
+    #[error("{file}: {reason}")]
+    Read {
+        /// The file.
+        file: String,
+        /// What the system said.
+        reason: String,
+    },
 }
 
 impl Scene {
@@ -367,6 +137,40 @@ impl Scene {
         let scene: Self = toml::from_str(text).map_err(|error| SceneError::Format(error.to_string()))?;
         scene.check()?;
         Ok(scene)
+    }
+
+    /// Reads a scene's file, and the picture of its floor if it names one.
+    ///
+    /// # Errors
+    /// See [`SceneError`].
+    pub fn load(path: &Path) -> Result<Self, SceneError> {
+        let text = std::fs::read_to_string(path).map_err(|error| SceneError::Read {
+            file: path.display().to_string(),
+            reason: error.to_string(),
+        })?;
+        let mut scene: Self = toml::from_str(&text).map_err(|error| SceneError::Format(error.to_string()))?;
+        scene.load_images(path.parent().unwrap_or(Path::new("")))?;
+        scene.check()?;
+        Ok(scene)
+    }
+
+    /// Reads the picture of the floor, if the scene names one; its file is looked for in this folder.
+    ///
+    /// # Errors
+    /// The file cannot be read or is no picture.
+    pub fn load_images(&mut self, folder: &Path) -> Result<(), SceneError> {
+        if let Some(image) = &mut self.floor.image {
+            image.file = folder.join(&image.file);
+            image.texture = Some(Arc::new(ImageTexture::read(&image.file)?));
+        }
+        Ok(())
+    }
+
+    /// Does a picture of this scene depend on when it is taken, in a way that one moment does not show: a moving robot, a
+    /// rolling shutter, blur by motion? Such pictures come from [`super::Sequence`].
+    #[must_use]
+    pub fn needs_sequence(&self) -> bool {
+        self.robot.is_moving() || self.look.row_time_us > 0.0 || self.look.exposure_ms > 0.0
     }
 
     /// The scene after `seconds`, as the robot sees it: every object has moved by its velocity, and the floor with all on

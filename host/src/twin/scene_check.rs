@@ -1,7 +1,8 @@
 //! Are a scene's values possible? Every refusal names its field and the allowed range.
 
 use super::material;
-use super::scene::{MaterialChoice, Scene, SceneError, SceneObject, Shape};
+use super::relief::{SLOPE_OF_UNIT_WAVE, STEEPEST};
+use super::scene::{Dirt, Floor, MaterialChoice, Scene, SceneError, SceneObject, Shape};
 
 impl Scene {
     /// Checks every value.
@@ -24,6 +25,8 @@ impl Scene {
         within("look.vignetting", look.vignetting, 0.0, 0.9)?;
         within("look.bounce", look.bounce, 0.0, 10.0)?;
         within("look.row_time_us", look.row_time_us, 0.0, 1000.0)?;
+        within("look.exposure_ms", look.exposure_ms, 0.0, 100.0)?;
+        check_dirt(&self.dirt)?;
         for speed in self.robot.velocity_mm_per_s {
             within("robot.velocity_mm_per_s", speed, -1e5, 1e5)?;
         }
@@ -32,6 +35,7 @@ impl Scene {
         for shift in self.floor.shift_mm {
             within("floor.shift_mm", shift, -1e7, 1e7)?;
         }
+        check_ground(&self.floor)?;
         within("light.lux", self.light.lux, 0.0, 200_000.0)?;
         within("light.from_degrees", self.light.from_degrees, -3600.0, 3600.0)?;
         within("light.unevenness", self.light.unevenness, -1.0, 1.0)?;
@@ -46,6 +50,43 @@ impl Scene {
         }
         self.objects.iter().try_for_each(check_object)
     }
+}
+
+/// More spots than this are no lens any more.
+const MOST_SPOTS: f64 = 1000.0;
+
+fn check_dirt(dirt: &Dirt) -> Result<(), SceneError> {
+    within("dirt.smudges", f64::from(dirt.smudges), 0.0, MOST_SPOTS)?;
+    within("dirt.dust", f64::from(dirt.dust), 0.0, MOST_SPOTS)?;
+    within("dirt.strength", dirt.strength, 0.0, 1.0)?;
+    within("dirt.spots (how many)", dirt.spots.len() as f64, 0.0, MOST_SPOTS)?;
+    for spot in &dirt.spots {
+        spot.at.into_iter().try_for_each(|place| within("dirt.spots.at", place, -1.0, 2.0))?;
+        within("dirt.spots.radius", spot.radius, 0.001, 1.0)?;
+        within("dirt.spots.strength", spot.strength, 0.0, 1.0)?;
+    }
+    Ok(())
+}
+
+/// The floor's waves and picture.
+fn check_ground(floor: &Floor) -> Result<(), SceneError> {
+    within("floor.wave_mm", floor.wave_mm, 0.0, 50.0)?;
+    within("floor.wave_length_mm", floor.wave_length_mm, 10.0, 1e5)?;
+    if SLOPE_OF_UNIT_WAVE * floor.wave_mm > STEEPEST * floor.wave_length_mm {
+        let field = format!("floor.wave_mm = {}", floor.wave_mm);
+        let rule =
+            "is more than a thirtieth of floor.wave_length_mm: such waves would hide parts of the floor";
+        return Err(SceneError::Value { field, rule });
+    }
+    if let Some(image) = &floor.image {
+        within("floor.image.width_mm", image.width_mm, 1.0, 1e5)?;
+        if image.texture.is_none() {
+            let file = image.file.display().to_string();
+            let reason = "was not read; scenes with a picture come from a file (Scene::load)".to_owned();
+            return Err(SceneError::Image { file, reason });
+        }
+    }
+    Ok(())
 }
 
 fn within(field: &str, value: f64, low: f64, high: f64) -> Result<(), SceneError> {
@@ -101,7 +142,9 @@ fn check_object(object: &SceneObject) -> Result<(), SceneError> {
             let field = format!("object `{name}`: material");
             let shares = material.albedo.iter().chain([&material.laser_albedo, &material.gloss]);
             shares.into_iter().try_for_each(|share| within(&field, f64::from(*share), 0.0, 2.0))?;
-            within(&field, f64::from(material.tightness), 1.0, 10_000.0)
+            within(&field, f64::from(material.tightness), 1.0, 10_000.0)?;
+            within(&format!("{field}.translucency"), f64::from(material.translucency), 0.0, 1.0)?;
+            within(&format!("{field}.scatter_mm"), f64::from(material.scatter_mm), 0.5, 100.0)
         }
         (MaterialChoice::Own(_), None) => Ok(()),
     }

@@ -30,6 +30,37 @@ pub struct RawPlanes {
     pub values: Vec<f32>,
 }
 
+/// Light that falls on the sensor at exposure 1: the hall's, and the laser's at full drive.
+#[derive(Debug, Clone, Default)]
+pub struct Incident {
+    /// Daylight.
+    pub day: RawPlanes,
+    /// The laser's, one value a pixel.
+    pub laser: Vec<f32>,
+}
+
+impl Incident {
+    /// Adds a share of other light; an empty one takes its size.
+    pub fn add(&mut self, day: &RawPlanes, laser: &[f32], share: f32) {
+        self.day.values.resize(day.values.len(), 0.0);
+        self.laser.resize(laser.len(), 0.0);
+        let add = |sum: &mut [f32], more: &[f32]| {
+            let chunks = sum.par_chunks_mut(1 << 14).zip(more.par_chunks(1 << 14));
+            chunks.for_each(|(sum, more)| {
+                sum.iter_mut().zip(more).for_each(|(sum, more)| *sum += share * more)
+            });
+        };
+        add(&mut self.day.values, &day.values);
+        add(&mut self.laser, laser);
+    }
+
+    /// No light; keeps its memory.
+    pub fn clear(&mut self) {
+        self.day.values.clear();
+        self.laser.clear();
+    }
+}
+
 /// The sensor and its processor.
 #[derive(Debug)]
 pub struct Sensor {

@@ -111,6 +111,33 @@ impl Sheet {
         profile * facing * window * (FOCUS_MM / distance) * (FOCUS_WIDTH_MM / width)
     }
 
+    /// Light of the sheet at a point of a translucent surface that it has reached under the surface, and where it has entered:
+    /// it falls off exponentially by `length_mm` to both sides of the lit line, and all of it together is what fell on that
+    /// line. Whether the entry is lit is the caller's business.
+    #[must_use]
+    pub fn wandered(&self, point: Vector, normal: Vector, length_mm: f64) -> Option<(Vector, f64)> {
+        /// Surfaces that are more nearly parallel to the sheet than this have no lit line.
+        const LEAST_SLOPE: f64 = 0.05;
+        /// Beyond so many lengths no light is left.
+        const FARTHEST_LENGTHS: f64 = 8.0;
+        // The way on the surface that leads away from the sheet fastest.
+        let uphill = self.laser.normal.minus(normal.scaled(normal.dot(self.laser.normal)));
+        let slope = length(uphill);
+        let offset = self.laser.normal.dot(point) - self.laser.offset;
+        if slope < LEAST_SLOPE || offset.abs() > FARTHEST_LENGTHS * length_mm * slope {
+            return None;
+        }
+        let entry = point.minus(uphill.scaled(offset / (slope * slope)));
+        let towards = self.laser.origin.minus(entry);
+        let distance = length(towards);
+        let (facing, window) = (normal.dot(normalised(towards)), self.window(entry));
+        if facing <= 0.0 || window <= 0.0 {
+            return None;
+        }
+        let line = self.line_strength(distance) * facing * window / slope;
+        Some((entry, line * (-(offset / slope).abs() / length_mm).exp() / (2.0 * length_mm)))
+    }
+
     /// The fan's brightness along the stripe: 1 inside, fading to 0 at its ends.
     fn window(&self, point: Vector) -> f64 {
         let Some(shadow) = self.laser.shadow_on_floor(point) else { return 0.0 };
@@ -176,6 +203,30 @@ mod tests {
         let most = |profile: &[f64]| profile.iter().copied().fold(0.0, f64::max);
         assert!((sum(&led) / sum(&laser) - 1.0).abs() < 0.03, "{} and {}", sum(&led), sum(&laser));
         assert!((most(&laser) / most(&led) - 12.0 / 1.3).abs() < 0.5, "{} and {}", most(&laser), most(&led));
+    }
+
+    /// What wanders under a surface is not lost: across the stripe its sum is that of the light that falls on the surface, and
+    /// its brightness falls to 1/e over the length that the material says, on a level surface and on a slope.
+    #[test]
+    fn wandering_light_keeps_its_sum_and_falls_off_by_its_length() {
+        let rig = gallery::default_rig();
+        let sheet = Sheet::new(&rig, &look());
+        for normal in [Vector::new(0.0, 0.0, 1.0), Vector::new(0.0, -0.6, 0.8)] {
+            let step = Vector::new(0.0, normal.z, -normal.y).scaled(0.05);
+            let middle = rig.stripe().at(0.0);
+            let at = |i: i32| middle.plus(step.scaled(f64::from(i)));
+            for length_mm in [2.0, 6.0] {
+                let wandered =
+                    |i: i32| sheet.wandered(at(i), normal, length_mm).map_or(0.0, |(_, light)| light);
+                let fallen = |i: i32| sheet.irradiance(at(i), normal, [Vector::default(); 2]);
+                let sum = |light: &dyn Fn(i32) -> f64| (-2000..=2000).map(light).sum::<f64>();
+                let (one, other) = (sum(&wandered), sum(&fallen));
+                assert!((one / other - 1.0).abs() < 0.02, "{normal:?} {length_mm}: {one} of {other}");
+                let steps = (length_mm / 0.05) as i32;
+                let fall = wandered(steps) / wandered(0);
+                assert!((fall - (-1.0_f64).exp()).abs() < 0.01, "{fall}");
+            }
+        }
     }
 
     #[test]

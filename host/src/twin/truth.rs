@@ -14,10 +14,20 @@
 //! * `objects`: per object its true height, and over its lit and visible points the height's maximum, 95th percentile,
 //!   median and minimum, and the s it covers; null where the stripe does not touch it.
 //! * `profile`: per millimetre of s the object (-1 floor), height of the lit point, whether the camera sees it, and
-//!   its pixel.
+//!   its pixel; with dirt on the lens also the share of its light that comes straight through (`clear`).
+//! * `blur` (only where something moves while a row is exposed): the exposure, and how far the floor and each object move
+//!   in it along and across the stripe. Gaps and heights are those of the exposure's middle.
+//! * `dirt` (only with dirt on the lens): every spot by kind, middle, radius and strength, in pixels of the picture.
+//!
+//! A floor with waves is still floor: it is no object and makes no interval; `profile.height_mm` tells its height. Whether a
+//! sensor takes it for floor is a question of the tolerance that it is set to.
+
+mod circumstances;
 
 use nearfield_shared::camera::Vector;
 use serde::Serialize;
+
+pub use self::circumstances::{Blur, Moment, SpotTruth};
 
 use super::body::{FloorAxes, World};
 use super::shape::Ray;
@@ -133,19 +143,10 @@ pub struct Profile {
     pub column: Vec<Option<f64>>,
     /// Its row.
     pub row: Vec<Option<f64>>,
-}
-
-/// A moment of a sequence.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
-pub struct Moment {
-    /// Since the sequence's start.
-    pub seconds: f64,
-    /// The robot's way along the stripe.
-    pub robot_along_mm: f64,
-    /// The robot's way outward across the stripe.
-    pub robot_across_mm: f64,
-    /// How much higher than at rest camera and laser are.
-    pub robot_up_mm: f64,
+    /// The share of its light that comes straight through the dirt on the lens, 0 where it is not in the picture; empty for a
+    /// clean lens.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub clear: Vec<f64>,
 }
 
 /// The truth about one picture.
@@ -161,6 +162,12 @@ pub struct Truth {
     pub stripe_mm: [f64; 2],
     /// When, and where the robot was.
     pub moment: Moment,
+    /// Blur by motion, if there is any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub blur: Option<Blur>,
+    /// Dirt on the lens.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub dirt: Vec<SpotTruth>,
     /// False if the laser is off.
     pub laser_on: bool,
     /// What a correct sensor must say.
@@ -246,6 +253,8 @@ impl Truth {
             height: view.height(),
             stripe_mm: [stripe.start, stripe.end],
             moment: Moment::default(),
+            blur: None,
+            dirt: Vec::new(),
             laser_on,
             cutoff,
             longest_gap_mm,

@@ -18,6 +18,9 @@ use crate::twin::view::PixelRectangle;
 /// A highlight of full gloss is this much brighter than a white matt surface.
 const HIGHLIGHT: f64 = 4.0;
 
+/// A surface must not shade its own lit line, millimetres.
+const LIFT_MM: f64 = 0.05;
+
 /// Places on the floor are known to better than this in single precision, millimetres.
 const SLACK_MM: f64 = 1.0;
 
@@ -34,9 +37,13 @@ impl Twin {
             let mut planes = [0, 1, 2].map(|channel| cut(&self.floor_sharp, channel, *area, width));
             let mut light = Patch::dark(*area);
             self.draw_sharp(*area, &mut planes, &mut light);
-            for (channel, mut patch) in planes.into_iter().enumerate() {
+            // The lens smears into the area what lies around it: bare floor, as far as its blur reaches.
+            let around = area.grown(kernel.len(), width, self.view.height());
+            for (channel, drawn) in planes.into_iter().enumerate() {
+                let mut patch = cut(&self.floor_sharp, channel, around, width);
+                patch.put(&drawn);
                 patch.blur(&kernel);
-                paste(&mut self.day, channel, &patch, *area, width);
+                paste(&mut self.day, channel, &patch.part(*area), *area, width);
             }
             lights.push(light);
         }
@@ -88,6 +95,11 @@ impl Twin {
     /// What the pixels of an area's row may look at: a part of a body lies around the line of sight, or the laser's
     /// sheet is near the place of the floor, or a body is.
     fn mark(&self, area: PixelRectangle, row: usize, in_row: &[&Outline], concern: &mut [u8]) {
+        if !self.world.is_level() {
+            // The quick way knows a level floor only.
+            concern.fill(ANYTHING);
+            return;
+        }
         let throws_light = self.look.bounce > 0.0;
         let zones = self.world.bodies.iter().map(|body| {
             let Bounds { low, high } = body.bounds;
@@ -162,8 +174,9 @@ impl Twin {
                 &body.material,
             )),
         };
-        let laser =
-            self.laser_light(&surface, column, row, towards_eye) + self.bounced_light(&surface, column, row);
+        let laser = self.laser_light(&surface, column, row, towards_eye)
+            + self.bounced_light(&surface, column, row)
+            + self.wandered_light(&surface);
         (colour.map(|value| value * open), laser)
     }
 
@@ -181,6 +194,30 @@ impl Twin {
             None => self.floor_albedo(surface, column, row)[0],
         };
         light as f32 * albedo
+    }
+
+    /// Laser light that comes back out of a translucent body beside where it has entered.
+    fn wandered_light(&self, surface: &Surface) -> f32 {
+        let (Some(part), Some(body)) =
+            (surface.part, surface.body.and_then(|index| self.world.bodies.get(index)))
+        else {
+            return 0.0;
+        };
+        let Material { translucency, scatter_mm, laser_albedo, .. } = body.material;
+        if translucency <= 0.0 {
+            return 0.0;
+        }
+        let length_mm = f64::from(scatter_mm);
+        let Some((entry, light)) = self.sheet.wandered(surface.point, surface.normal, length_mm) else {
+            return 0.0;
+        };
+        // Where the body ends before the lit line, less light has entered it.
+        let beside = self.world.distance_to(part, entry).max(0.0);
+        let lifted = entry.plus(surface.normal.scaled(LIFT_MM));
+        if beside > 8.0 * length_mm || self.world.blocked(self.sheet.origin(), lifted) {
+            return 0.0;
+        }
+        (light * (-beside / length_mm).exp()) as f32 * laser_albedo * translucency
     }
 
     fn laser_light(
@@ -214,7 +251,8 @@ impl Twin {
         let towards_laser = normalised(self.sheet.origin().minus(surface.point));
         let half = normalised(towards_laser.plus(towards_eye));
         let sharpness = surface.normal.dot(half).max(0.0).powf(f64::from(material.tightness));
-        f64::from(material.laser_albedo) + f64::from(material.gloss) * HIGHLIGHT * sharpness
+        let at_once = f64::from(material.laser_albedo) * (1.0 - f64::from(material.translucency));
+        at_once + f64::from(material.gloss) * HIGHLIGHT * sharpness
     }
 }
 

@@ -23,7 +23,7 @@ impl Twin {
     pub(super) fn paint_floor(&mut self) {
         let (width, height) = (self.view.width(), self.view.height());
         let mut values = vec![0.0_f32; 3 * width * height];
-        let bare = World::default();
+        let bare = World::bare(self.relief.clone());
         let lit: Vec<Vec<LitPixel>> = values
             .par_chunks_mut(3 * width)
             .enumerate()
@@ -70,7 +70,8 @@ impl Twin {
                 lit.push(LitPixel { index: index as u32, light, point });
             }
         }
-        let level = self.daylight.on_floor(floor.point) as f32;
+        let slope = if self.relief.is_some() { self.daylight.on_slope(floor.normal) } else { 1.0 };
+        let level = (self.daylight.on_floor(floor.point) * slope) as f32;
         albedo.map(|share| share * level)
     }
 

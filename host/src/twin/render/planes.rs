@@ -4,7 +4,7 @@ use crate::twin::patch::Patch;
 use crate::twin::sensor::RawPlanes;
 use crate::twin::view::PixelRectangle;
 
-pub(super) fn cut(planes: &RawPlanes, channel: usize, area: PixelRectangle, width: usize) -> Patch {
+pub(in crate::twin) fn cut(planes: &RawPlanes, channel: usize, area: PixelRectangle, width: usize) -> Patch {
     let mut patch =
         Patch { area, values: Vec::with_capacity((area.right - area.left) * (area.bottom - area.top)) };
     for row in area.top..area.bottom {
@@ -14,7 +14,7 @@ pub(super) fn cut(planes: &RawPlanes, channel: usize, area: PixelRectangle, widt
     patch
 }
 
-pub(super) fn paste(
+pub(in crate::twin) fn paste(
     planes: &mut RawPlanes,
     channel: usize,
     patch: &Patch,

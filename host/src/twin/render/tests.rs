@@ -63,3 +63,25 @@ fn only_pixels_that_show_the_bare_floor_are_skipped() {
         assert!(drawn > 20, "{name}: nothing was drawn");
     }
 }
+
+/// Where the redrawn area ends, nothing may show: the same light, to the last bit, as if the whole picture were redrawn.
+#[test]
+fn redrawing_a_part_of_the_picture_is_redrawing_all_of_it() {
+    let rig = SIDE.with_width(576).rig().unwrap();
+    let view = Arc::new(View::new(&rig));
+    let mut only_parts = 0;
+    for name in ["hand", "rod_12", "cable_6", "box_75_glossy"] {
+        let mut scene = gallery::scene(name).unwrap();
+        // A floor with much contrast: what is smeared wrongly shows.
+        scene.floor.kind = crate::twin::scene::FloorKind::Wood;
+        let mut twin = Twin::new(Arc::clone(&view), &scene, 3).unwrap();
+        let (width, height) = (view.width(), view.height());
+        let everywhere = PixelRectangle { left: 0, top: 0, right: width, bottom: height };
+        let drawn = twin.drawn.iter().map(|area| (area.right - area.left) * (area.bottom - area.top));
+        only_parts += usize::from(drawn.sum::<usize>() < width * height);
+        let parts = twin.day.values.clone();
+        twin.draw(&[everywhere]);
+        assert!(parts == twin.day.values, "{name}");
+    }
+    assert!(only_parts >= 2, "nearly everything was redrawn anyway");
+}

@@ -41,6 +41,7 @@ impl Twin {
     /// Squared signal-to-noise ratio of one column of pixels around a row.
     fn ratio_squared(&self, column: f64, row: f64, drive: f32) -> f64 {
         let (width, height) = (self.view.width(), self.view.height());
+        let (day, laser) = self.incident();
         let shot =
             Shot { look: &self.look, exposure: self.exposure, drive, frame: 0, scale: self.scale() as f32 };
         let aside = ROWS_ASIDE * self.scale();
@@ -49,9 +50,8 @@ impl Twin {
         let column = (column.round().max(0.0) as usize).min(width.saturating_sub(1));
         (first..end)
             .map(|row| {
-                let daylight = self.day.values[3 * width * row + column];
-                let (signal, noise) =
-                    self.sensor.red_light(daylight, self.laser[width * row + column], &shot);
+                let daylight = day.values[3 * width * row + column];
+                let (signal, noise) = self.sensor.red_light(daylight, laser[width * row + column], &shot);
                 f64::from(signal / noise).powi(2)
             })
             .sum()
