@@ -143,7 +143,8 @@ def look(page: Page, out: Path, name: str) -> None:
 def walk(page: Page, home: str, when: str) -> None:
     """Tab goes through everything that can be used, once, in the order of the page, and shows where it is."""
     page.goto(home)
-    page.wait_for_selector("#commission-section:not([hidden])")
+    # The form comes when the page has learnt that orders are taken: on a loaded computer seconds later.
+    page.wait_for_selector("#commission-form", state="visible", timeout=PATIENCE_S * 1000)
     page.wait_for_timeout(1000)
     expected, reached, hidden = page.evaluate(FOCUSABLE), [], []
     for _ in expected:
@@ -175,6 +176,7 @@ def wait_until(page: Page, expression: str) -> None:
 
 def go_to(page: Page, wanted: str) -> None:
     """By Tab alone."""
+    page.wait_for_selector(f"#{wanted}", state="visible", timeout=PATIENCE_S * 1000)
     for _ in range(60):
         if page.evaluate("document.activeElement.id") == wanted:
             return
