@@ -1,6 +1,9 @@
 //! A picture of a floor that is laid over the whole floor like tiles.
 
+use std::io::Cursor;
 use std::path::Path;
+
+use image::ImageReader;
 
 use super::material::LinearColour;
 use super::scene::SceneError;
@@ -32,11 +35,19 @@ impl ImageTexture {
     pub fn read(path: &Path) -> Result<Self, SceneError> {
         let refuse = |reason: String| SceneError::Image { file: path.display().to_string(), reason };
         let bytes = std::fs::read(path).map_err(|error| refuse(error.to_string()))?;
-        let picture = image::load_from_memory(&bytes).map_err(|error| refuse(error.to_string()))?;
-        let (width, height) = (picture.width(), picture.height());
+        let open = || ImageReader::new(Cursor::new(&bytes)).with_guessed_format();
+        // The size first: a small file may claim to be a picture that fills the memory.
+        let (width, height) = open()
+            .map_err(|error| refuse(error.to_string()))?
+            .into_dimensions()
+            .map_err(|error| refuse(error.to_string()))?;
         if width.max(height) > LONGEST_SIDE || width.min(height) == 0 {
             return Err(refuse(format!("{width} x {height} pixels; 1 to {LONGEST_SIDE} are allowed")));
         }
+        let picture = open()
+            .map_err(|error| refuse(error.to_string()))?
+            .decode()
+            .map_err(|error| refuse(error.to_string()))?;
         let texels = picture.to_rgb8().pixels().map(|pixel| pixel.0.map(linear)).collect();
         Ok(Self::new(width as usize, height as usize, texels))
     }
