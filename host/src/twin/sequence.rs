@@ -3,7 +3,7 @@
 //!
 //! A rolling shutter is rendered in bands of rows, each at its own time; within a band all rows see the same moment.
 //! Blur by motion is the mean of the light of several moments of the exposure, so many that nothing moves by more than
-//! [`STEP_PIXELS`] between two. The truth is that of the middle of the exposure of the row of the stripe's middle.
+//! `STEP_PIXELS` between two. The truth is that of the middle of the exposure of the row of the stripe's middle.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
