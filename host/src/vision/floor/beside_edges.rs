@@ -1,5 +1,6 @@
 //! The columns in which the edge of a paint may hide the stripe, explained by both together.
 
+use super::elsewhere::strongest_beside;
 use super::{BETWEEN_CONTRAST, FloorColumn, FloorFinder, GLOW_WIDTH, LEAST_NOISE, SURE_CONTRAST};
 use super::{clipped, slanted, straight};
 use crate::vision::grid::{Grid, GridColumn};
@@ -22,6 +23,8 @@ const WIDER: f32 = 1.5;
 const LIKE_ROWS: f32 = 1.5;
 /// What is said of a row that the floor's neighbours make expected lies within this share of the tolerance.
 const WITHIN_TOLERANCE: f32 = 0.9;
+/// What is seen beside the floor's rows is less than so many times the stronger neighbour's contrast.
+const MOST_BESIDE: f32 = 1.3;
 /// Columns that are explained in one frame; a picture with more shows texture.
 const MOST_EXPLAINED: usize = 320;
 
@@ -110,10 +113,14 @@ impl FloorFinder {
                 continue;
             }
             left -= 1;
-            let seen = self.is_one_edge(signal, grid, index, sides)
-                && (self.read_slanted(signal, grid, index, &like)
-                    || self.read_clipped(signal, grid, index, &like));
-            if !seen && !self.read_uncovered(signal, grid, index, &like) {
+            // A stripe on a thing just beside is no edge, and what is left at the floor's rows may be its foot.
+            let is_thing = strongest_beside(signal, grid.first() + index, place) >= MOST_BESIDE * like.most;
+            let seen = !is_thing
+                && ((self.is_one_edge(signal, grid, index, sides)
+                    && (self.read_slanted(signal, grid, index, &like)
+                        || self.read_clipped(signal, grid, index, &like)))
+                    || self.read_uncovered(signal, grid, index, &like));
+            if !seen {
                 self.explain(signal, grid, index, &like);
             }
         }

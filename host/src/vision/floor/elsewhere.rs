@@ -20,11 +20,13 @@ pub fn strongest_beside<S: Signal>(signal: S, column: usize, place: &GridColumn)
     let value = |row: usize| signal.value(column, row);
     let mut strongest = 0;
     for row in first..end {
-        if (row as f32 - place.floor_row).abs() <= place.tolerance {
+        // The rims of the stripe's own overexposed core lie half a width from its middle, and a little more.
+        if (row as f32 - place.floor_row).abs() <= place.tolerance.max(place.width) {
             continue;
         }
         let crest = value(row);
-        if i32::from(crest) <= strongest {
+        let is_crest = value(row.saturating_sub(1)) <= crest && value(row + 1) <= crest;
+        if i32::from(crest) <= strongest || !is_crest {
             continue;
         }
         let above = (row.saturating_sub(ground)..row).map(value).min();
