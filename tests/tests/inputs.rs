@@ -122,13 +122,17 @@ fn a_led_band_is_whole_on_clean_floors_and_cut_and_lifted_by_what_lies_on_them()
         let scene = Scene { light: Light { lux: 150.0, ..scene.light.clone() }, look, ..scene };
         let twin = Twin::new(Arc::clone(&view), &scene, 4).unwrap();
         let frame = Frame::new(rig.image(), Pixels::Rgb(twin.render(0, 1.0).rgb)).unwrap();
-        for frame in [frame.to_yuv420(), frame] {
+        for (frame, is_fine) in [(frame.to_yuv420(), false), (frame, true)] {
             let finding = Finding::of(&mut analyser, &frame);
             println!("{name}: {finding:?}");
             assert_eq!(finding.is_cut, !matches!(name, "clean" | "tiles"), "{name}");
-            if let Some(height) = height {
-                let found = finding.height.unwrap();
-                assert!((found - height).abs() < 3.0, "{name}: {found} mm instead of {height}");
+            // In YUV's coarse colours less than seven tenths of the dim band may be seen on a box: an unknown height, too.
+            match (finding.height, height) {
+                (Some(found), Some(height)) => {
+                    assert!((found - height).abs() < 3.0, "{name}: {found} mm instead of {height}");
+                }
+                (None, Some(_)) => assert!(!is_fine, "{name}: no height in full colours"),
+                _ => {}
             }
         }
     }
