@@ -298,6 +298,8 @@ impl FloorFinder {
         for (contrast, column) in self.scratch.iter_mut().zip(&self.columns) {
             *contrast = column.contrast();
         }
+        // What is not dim in the whole picture is no halo: most columns need no look at their neighbours.
+        let dim = HALO_SHARE * self.scratch.iter().copied().fold(0.0, f32::max);
         for (index, column) in self.columns.iter_mut().enumerate() {
             let end = (index + SPREAD_COLUMNS + 1).min(self.scratch.len());
             let around = &self.scratch[index.saturating_sub(SPREAD_COLUMNS)..end];
@@ -305,7 +307,9 @@ impl FloorFinder {
             let glow = column.peak.is_none_or(|peak| {
                 peak.width > GLOW_WIDTH * usual.width && peak.contrast < GLOW_SHARE * usual.contrast
             });
-            let sure = !glow && column.significance() >= SURE_CONTRAST && !is_halo(&self.scratch, index);
+            let sure = !glow
+                && column.significance() >= SURE_CONTRAST
+                && !(column.contrast() < dim && is_halo(&self.scratch, index));
             // How much of the strongest contrast around is left; NaN where there is no stripe to judge.
             let share = match column.pooled {
                 Some(true) => 1.0,
