@@ -12,11 +12,13 @@ mod clipped;
 mod elsewhere;
 mod pooled;
 mod rim;
+mod scraps;
 mod slanted;
 mod straight;
 mod strip;
 
 use rim::is_rim;
+use scraps::Halos;
 
 use super::edge::EdgeModel;
 use super::grid::{Grid, GridColumn};
@@ -46,10 +48,6 @@ const BRIDGED_MM: f32 = 1.0;
 const GLOW_WIDTH: f32 = 2.0;
 /// ... and dimmer than this share of its usual contrast.
 const GLOW_SHARE: f32 = 0.5;
-/// Between two bright columns this near on both sides, samples, what has less than this share of the weaker one's contrast is
-/// what lens and sensor spread of them: some twentieth was seen beside a black cable.
-const HALO_COLUMNS: usize = 8;
-const HALO_SHARE: f32 = 0.08;
 /// The background's variation is pooled over this many columns on both sides.
 const POOLED_COLUMNS: usize = 16;
 /// ... and is not believed above so many times the median over the stripe.
@@ -57,10 +55,6 @@ const MOST_NOISE: f32 = 3.0;
 /// Variation below this is not believed (levels of the running mean): quantisation and compression hide it, and leave
 /// ripples of a few levels themselves.
 const LEAST_NOISE: f32 = 0.8;
-/// Floor that is lit over no more than this ...
-const ISLAND_MM: f32 = 2.5;
-/// ... between two stretches that are dark for longer than this is none, millimetres.
-const LONGEST_HOLE_MM: f32 = 5.0;
 /// Columns that an edge may hide between two sure ones, millimetres.
 const HIDDEN_MM: f32 = 3.5;
 
@@ -170,14 +164,6 @@ fn median(values: &mut [f32]) -> f32 {
     values.sort_unstable_by(f32::total_cmp);
     let count = values.partition_point(|value| !value.is_nan());
     values[..count].get(count / 2).copied().unwrap_or(f32::INFINITY)
-}
-
-/// Is a column's contrast no more than what the lens spreads of bright columns near it on both sides?
-fn is_halo(contrasts: &[f32], index: usize) -> bool {
-    let strongest = |range: std::ops::Range<usize>| contrasts[range].iter().copied().fold(0.0, f32::max);
-    let before = strongest(index.saturating_sub(HALO_COLUMNS)..index);
-    let after = strongest(index + 1..(index + 1 + HALO_COLUMNS).min(contrasts.len()).max(index + 1));
-    contrasts[index] < HALO_SHARE * before.min(after)
 }
 
 /// Mean of the values within [`POOLED_COLUMNS`] on both sides that are not NaN; infinite where there are none, so
@@ -298,8 +284,7 @@ impl FloorFinder {
         for (contrast, column) in self.scratch.iter_mut().zip(&self.columns) {
             *contrast = column.contrast();
         }
-        // What is not dim in the whole picture is no halo: most columns need no look at their neighbours.
-        let dim = HALO_SHARE * self.scratch.iter().copied().fold(0.0, f32::max);
+        let halos = Halos::of(&self.scratch);
         for (index, column) in self.columns.iter_mut().enumerate() {
             let end = (index + SPREAD_COLUMNS + 1).min(self.scratch.len());
             let around = &self.scratch[index.saturating_sub(SPREAD_COLUMNS)..end];
@@ -307,9 +292,7 @@ impl FloorFinder {
             let glow = column.peak.is_none_or(|peak| {
                 peak.width > GLOW_WIDTH * usual.width && peak.contrast < GLOW_SHARE * usual.contrast
             });
-            let sure = !glow
-                && column.significance() >= SURE_CONTRAST
-                && !(column.contrast() < dim && is_halo(&self.scratch, index));
+            let sure = !glow && column.significance() >= SURE_CONTRAST && !halos.is_one(&self.scratch, index);
             // How much of the strongest contrast around is left; NaN where there is no stripe to judge.
             let share = match column.pooled {
                 Some(true) => 1.0,
@@ -351,34 +334,6 @@ impl FloorFinder {
                 self.columns[first..end].iter_mut().for_each(FloorColumn::light);
             }
             start = end;
-        }
-    }
-
-    /// A scrap of floor between two stretches that are dark for longer than any gap may be is no floor: something crosses
-    /// the floor's rows there. It would make two things of one.
-    fn sink_islands(&mut self, grid: &Grid) {
-        let place = |index: usize| grid.columns()[index].place;
-        let count = self.columns.len();
-        let next = |columns: &[FloorColumn], from: usize, lit: bool| {
-            columns[from..].iter().position(|column| column.lit == lit).map_or(count, |offset| from + offset)
-        };
-        // The last lit column before the stretch in question, if there is one.
-        let mut before: Option<usize> = None;
-        let mut start = next(&self.columns, 0, true);
-        while start < count {
-            let end = next(&self.columns, start, false);
-            let after = next(&self.columns, end, true);
-            let dark = |one: usize, other: usize| (place(other) - place(one)).abs() > LONGEST_HOLE_MM;
-            let is_scrap = (place(end - 1) - place(start)).abs() <= ISLAND_MM;
-            let alone = dark(before.unwrap_or(0), start) && dark(end - 1, after.min(count - 1));
-            if is_scrap && alone {
-                for column in &mut self.columns[start..end] {
-                    (column.lit, column.row) = (false, f32::NAN);
-                }
-            } else {
-                before = Some(end - 1);
-            }
-            start = after;
         }
     }
 
