@@ -3,12 +3,21 @@
 use crate::run::Step;
 use crate::tools;
 use anyhow::Result;
+use clap::Args;
 
-/// Checks what can be checked offline; `--advisories` also asks the RustSec database, which has to be downloaded.
-pub fn check(rest: &[String]) -> Result<()> {
+/// What is asked.
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Also known vulnerabilities: RustSec's database, which is downloaded
+    #[arg(long)]
+    advisories: bool,
+}
+
+/// Checks what can be checked offline, and known vulnerabilities where that is asked for.
+pub fn check(options: &Options) -> Result<()> {
     tools::AUDIT.ensure()?;
     let mut arguments = vec!["deny", "--all-features", "check", "licenses", "bans", "sources"];
-    if rest.iter().any(|argument| argument == "--advisories") {
+    if options.advisories {
         arguments.push("advisories");
     }
     Step::cargo(&arguments).run()

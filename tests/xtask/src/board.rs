@@ -2,7 +2,9 @@
 //! into it. It proves logic, not silicon; see tests/board/README.md.
 
 use crate::run::{self, Step};
+use crate::tools::with_options;
 use anyhow::{Context as _, Result};
+use clap::Args;
 use std::path::PathBuf;
 
 /// The Python environment with the pinned tools, made once.
@@ -28,13 +30,44 @@ fn environment() -> Result<PathBuf> {
     Ok(python)
 }
 
-/// Plays the scenarios; further arguments go to `tests/board/run.py`.
-pub fn run(arguments: &[String]) -> Result<()> {
+/// Those of `tests/board/run.py`.
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Name the scenarios and end
+    #[arg(long)]
+    list: bool,
+    /// Play these scenarios only; may be repeated
+    #[arg(long, value_name = "NAME")]
+    only: Vec<String>,
+    /// One JSON object a line on standard output
+    #[arg(long)]
+    json: bool,
+    /// Random bits of the controller's memory that are flipped
+    #[arg(long, value_name = "N", default_value_t = FLIPS)]
+    flips: u32,
+    /// Seed of the random bits
+    #[arg(long, value_name = "N", default_value_t = SEED)]
+    seed: u64,
+}
+
+const FLIPS: u32 = 24;
+const SEED: u64 = 1;
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { list: false, only: Vec::new(), json: false, flips: FLIPS, seed: SEED }
+    }
+}
+
+/// Plays the scenarios.
+pub fn run(options: &Options) -> Result<()> {
     let python = environment()?.display().to_string();
     let script = run::root().join("tests").join("board").join("run.py").display().to_string();
     let elf = run::firmware_elf("stm32g474").display().to_string();
     let host = std::env::current_exe().context("where this chore's program is")?.display().to_string();
-    let mut all = vec![script.as_str(), "--elf", &elf, "--host", &host];
-    all.extend(arguments.iter().map(String::as_str));
-    Step::program(&python, &all).run()
+    let program = [script.as_str(), "--elf", &elf, "--host", &host];
+    let mut values: Vec<_> = options.only.iter().map(|name| ("--only", name.clone())).collect();
+    values.extend([("--flips", options.flips.to_string()), ("--seed", options.seed.to_string())]);
+    let arguments = with_options(&program, &values, &[("--list", options.list), ("--json", options.json)]);
+    Step::program(&python, &arguments.iter().map(String::as_str).collect::<Vec<_>>()).run()
 }

@@ -3,6 +3,7 @@
 use crate::run::{self, Step};
 use crate::setup::QEMU;
 use anyhow::{Context as _, Result, bail};
+use clap::Args;
 use object::{Object as _, ObjectSection as _, SectionFlags, SectionKind, elf};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -58,13 +59,21 @@ fn budget_file() -> PathBuf {
     run::root().join("tests").join("budget.toml")
 }
 
-/// Measures the built firmware and compares; `write` replaces the budget instead.
-pub fn check(write: bool) -> Result<()> {
+/// What is done with the figures.
+#[derive(Debug, Default, Args)]
+pub struct Options {
+    /// Keep the measured figures plus headroom as the new budget
+    #[arg(long)]
+    write: bool,
+}
+
+/// Measures the built firmware and compares, or replaces the budget.
+pub fn check(options: &Options) -> Result<()> {
     let (flash_bytes, static_ram_bytes) = sizes(&run::firmware_elf("stm32g474"))?;
     let (stack_bytes, scan_instructions) = emulated(&run::firmware_elf("qemu_an386"))?;
     let measured = Figures { flash_bytes, static_ram_bytes, stack_bytes, scan_instructions };
     let path = budget_file();
-    if write {
+    if options.write {
         let text = toml::to_string(&measured.with_headroom())?;
         let head = "# The firmware's budget; `cargo xtask budget` enforces it, `cargo xtask budget --write` renews it.\n\
                     # Sizes: board; stack and instructions (worst of six scenes, all checks on): emulator.\n";

@@ -6,6 +6,7 @@
 use crate::run::{self, Step};
 use crate::tools;
 use anyhow::{Context as _, Result, bail};
+use clap::Args;
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -96,15 +97,23 @@ impl FileCoverage {
     }
 }
 
+/// What is made of it.
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Also a report for a browser, in target/llvm-cov/html
+    #[arg(long)]
+    html: bool,
+}
+
 /// Measures, prints the figures and what is left out, and fails on what is no exception.
-pub fn check(rest: &[String]) -> Result<()> {
+pub fn check(options: &Options) -> Result<()> {
     tools::COVERAGE.ensure()?;
     let export = run::target_directory().join("coverage.json");
     let path = export.display().to_string();
     let command = ["llvm-cov", "--package", "nearfield-shared", "--package", "nearfield-firmware", "--lib"];
     let output = ["--json", "--output-path", &path];
     Step::cargo(&[&command[..], &output].concat()).run()?;
-    if rest.iter().any(|argument| argument == "--html") {
+    if options.html {
         Step::cargo(&["llvm-cov", "report", "--html"]).run()?;
     }
     let text = std::fs::read_to_string(&export).with_context(|| path.clone())?;

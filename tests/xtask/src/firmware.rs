@@ -3,6 +3,7 @@
 //! self-test and never closes its relays.
 
 use crate::run::{self, FIRMWARE_PROFILE, FIRMWARE_TARGET, Step};
+use crate::setup;
 use anyhow::{Context as _, Result, bail};
 use nearfield_firmware::selftest::program::{ImageSeal, SEAL_BYTES};
 use object::read::elf::{FileHeader as _, ProgramHeader as _};
@@ -11,6 +12,12 @@ use std::path::Path;
 
 /// The board's and the emulator's.
 const BINARIES: [&str; 2] = ["stm32g474", "qemu_an386"];
+
+/// Builds and seals both, where the target may not be there yet.
+pub fn set_up_and_build() -> Result<()> {
+    setup::firmware_target()?;
+    build()
+}
 
 /// Builds and seals both.
 pub fn build() -> Result<()> {

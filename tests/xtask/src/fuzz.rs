@@ -3,8 +3,10 @@
 //! The same functions are called by the stable test `fuzz_corpus` with the committed corpus and seeded changes of it.
 
 use crate::run::{self, Step};
-use crate::tools::{self, option};
-use anyhow::{Context as _, Result, bail};
+use crate::tools;
+use anyhow::{Context as _, Result};
+use clap::Args;
+use clap::builder::PossibleValuesParser;
 
 /// The targets in `tests/fuzz/fuzz_targets`, named as the functions in `tests/src/fuzz`.
 const TARGETS: [&str; 7] = [
@@ -17,18 +19,24 @@ const TARGETS: [&str; 7] = [
     "controller",
 ];
 
+/// What is fuzzed.
+#[derive(Debug, Args)]
+pub struct Options {
+    /// This one only; else all of them in turn
+    #[arg(value_name = "TARGET", value_parser = PossibleValuesParser::new(TARGETS))]
+    pub target: Option<String>,
+    /// How long each target is fed
+    #[arg(long, value_name = "N", default_value_t = 60)]
+    pub seconds: u32,
+}
+
 /// Fuzzes one target, or all of them in turn.
-pub fn run(rest: &[String]) -> Result<()> {
-    let seconds: u32 = option(rest, "--seconds")?.unwrap_or("60").parse().context("--seconds")?;
-    let wanted = rest.first().filter(|first| !first.starts_with("--"));
-    let targets: Vec<_> =
-        TARGETS.into_iter().filter(|target| wanted.is_none_or(|wanted| wanted == target)).collect();
-    if targets.is_empty() {
-        bail!("no such target; there are {}", TARGETS.join(", "));
-    }
+pub fn run(options: &Options) -> Result<()> {
+    let wanted = options.target.as_deref();
+    let targets = TARGETS.into_iter().filter(|target| wanted.is_none_or(|wanted| wanted == *target));
     tools::nightly(None)?;
     tools::FUZZ.ensure()?;
-    let limit = format!("-max_total_time={seconds}");
+    let limit = format!("-max_total_time={}", options.seconds);
     let target_directory = run::target_directory().join("fuzz").display().to_string();
     for target in targets {
         // What libFuzzer finds goes to the first folder; the committed corpus is only read.

@@ -3,6 +3,7 @@
 use crate::run::Step;
 use crate::tools;
 use anyhow::Result;
+use clap::Args;
 
 /// Packages with the tests that are left out of it: they play thousands of line-scans of a thousand columns, for hours under
 /// miri. The modules that do the work are tested piece by piece by what is left.
@@ -17,15 +18,21 @@ const PACKAGES: [(&str, &[&str]); 2] = [
     ),
 ];
 
-/// Runs them on the nightly toolchain. Single tests that would take too long say so themselves. `--all` leaves none of
-/// [`PACKAGES`]' out.
-pub fn check(rest: &[String]) -> Result<()> {
+/// Which tests.
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Also the tests that take hours there
+    #[arg(long)]
+    all: bool,
+}
+
+/// Runs them on the nightly toolchain. Single tests that would take too long say so themselves.
+pub fn check(options: &Options) -> Result<()> {
     tools::nightly(Some("miri"))?;
-    let all = rest.iter().any(|argument| argument == "--all");
     for (package, left_out) in PACKAGES {
         let mut arguments =
             vec!["run", "nightly", "cargo", "miri", "test", "--package", package, "--lib", "--"];
-        if !all {
+        if !options.all {
             arguments.extend(left_out.iter().flat_map(|tests| ["--skip", tests]));
         }
         // proptest keeps its failures in files, which miri's isolation forbids; a few cases are enough here.

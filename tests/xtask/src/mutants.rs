@@ -10,8 +10,10 @@ mod groups;
 
 use crate::run::{self, Step};
 use crate::slow_tests;
-use crate::tools::{self, option};
+use crate::tools;
 use anyhow::{Context as _, Result, bail};
+use clap::Args;
+use clap::builder::PossibleValuesParser;
 use groups::{GROUPS, Group};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -219,13 +221,29 @@ fn check_exceptions() -> Result<()> {
     Ok(())
 }
 
+/// Which mutants, and how.
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Those of this group of files only
+    #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(GROUPS.map(|group| group.name)))]
+    group: Option<String>,
+    /// Those of this file only, named like `supervisor/mod`
+    #[arg(long, value_name = "NAME")]
+    file: Option<String>,
+    /// Keep the verdicts of the last run; judge only what is still open
+    #[arg(long)]
+    resume: bool,
+    /// Test programs at a time
+    #[arg(long, value_name = "N", default_value_t = 2)]
+    jobs: u32,
+}
+
 /// Runs the groups and prints what became of their mutants; survivors fail.
-pub fn check(rest: &[String]) -> Result<()> {
+pub fn check(options: &Options) -> Result<()> {
     tools::MUTANTS.ensure()?;
     check_exceptions()?;
-    let (wanted, only) = (option(rest, "--group")?, option(rest, "--file")?);
-    let jobs = option(rest, "--jobs")?.unwrap_or("2");
-    let resume = rest.iter().any(|argument| argument == "--resume");
+    let (wanted, only) = (options.group.as_deref(), options.file.as_deref());
+    let jobs = &*options.jobs.to_string();
     let groups: Vec<_> = GROUPS
         .iter()
         .filter(|group| wanted.is_none_or(|wanted| wanted == group.name))
@@ -243,7 +261,7 @@ pub fn check(rest: &[String]) -> Result<()> {
         of_groups.push((group, of_group.keys().cloned().collect::<Vec<_>>()));
         mutants.extend(of_group);
     }
-    if !resume {
+    if !options.resume {
         forget(&room(), &mutants)?;
     }
     let packages: BTreeSet<_> = of_groups.iter().map(|(group, _)| group.package).collect();

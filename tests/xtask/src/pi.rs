@@ -3,6 +3,7 @@
 use crate::run::{Step, target_directory};
 use crate::{setup, tools};
 use anyhow::{Context as _, Result};
+use clap::Args;
 
 const TARGET: &str = "aarch64-unknown-linux-gnu";
 const LINKER: &str = "aarch64-linux-gnu-gcc";
@@ -60,10 +61,19 @@ pub fn build() -> Result<()> {
     Ok(())
 }
 
-/// Tests under QEMU; `packages` instead of the usual ones.
-pub fn test(packages: &[String]) -> Result<()> {
+/// Which tests.
+#[derive(Debug, Args)]
+pub struct Options {
+    /// The unit tests of these packages only; else those of all that run on the Pi
+    #[arg(value_name = "PACKAGE")]
+    packages: Vec<String>,
+}
+
+/// Tests under QEMU.
+pub fn test(options: &Options) -> Result<()> {
     cross_compiler()?;
     emulator()?;
+    let packages = &options.packages;
     let chosen: Vec<&str> =
         if packages.is_empty() { PACKAGES.to_vec() } else { packages.iter().map(String::as_str).collect() };
     // As it is built for the Pi.

@@ -5,8 +5,8 @@
 
 use crate::run::{self, Step};
 use crate::slow_tests;
-use crate::tools::option;
 use anyhow::{Context as _, Result, bail};
+use clap::Args;
 use serde::Deserialize;
 use std::path::Path;
 
@@ -34,16 +34,28 @@ const COPIED: [&str; 4] = ["shared", "firmware", "Cargo.lock", "rust-toolchain.t
 /// A workspace of the safety core alone, with the root's versions.
 const MEMBERS: &str = r#"members = ["shared", "firmware"]"#;
 
+/// Which faults.
+#[derive(Debug, Args)]
+pub struct Options {
+    /// Those only whose name has this in it
+    #[arg(long, value_name = "NAME")]
+    only: Option<String>,
+    /// Those only from this number on in the list
+    #[arg(long, value_name = "NUMBER", default_value_t = 1)]
+    from: usize,
+}
+
 /// Puts every fault in, runs the unit tests, and fails if one goes unnoticed.
-pub fn check(rest: &[String]) -> Result<()> {
+pub fn check(options: &Options) -> Result<()> {
     let path = run::root().join("tests").join("seeded_faults.toml");
     let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
     let list: SeededFaults = toml::from_str(&text).with_context(|| path.display().to_string())?;
-    let only = option(rest, "--only")?;
-    let from: usize = option(rest, "--from")?.unwrap_or("1").parse().context("--from")?;
+    let only = options.only.as_deref();
     let faults: Vec<_> = (1..)
         .zip(&list.fault)
-        .filter(|(number, fault)| *number >= from && only.is_none_or(|only| fault.name.contains(only)))
+        .filter(|(number, fault)| {
+            *number >= options.from && only.is_none_or(|only| fault.name.contains(only))
+        })
         .collect();
     let copy = run::target_directory().join("seeded-faults").join("tree");
     make_copy(&copy)?;

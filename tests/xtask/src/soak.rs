@@ -1,31 +1,62 @@
 //! The host for a long time, and killed.
 
 use anyhow::Result;
+use clap::Args;
 
 use crate::run::Step;
-use crate::{firmware, setup, tools};
+use crate::tools::Controller;
+use crate::{firmware, setup};
+
+/// How long, and with what.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+The phases: quiet, tier 3 stalled, disk full, 200 clients, source dies every 10 s, quiet again. The disk is a small tmpfs, which
+needs root; without it this phase is left out, and said to be.")]
+pub struct Soak {
+    /// Length of a phase in seconds; there are six
+    #[arg(long, value_name = "N", default_value_t = 60)]
+    pub seconds: u64,
+    /// Which safety controller decides
+    #[arg(long, value_enum, default_value_t)]
+    pub mcu: Controller,
+    /// Width of the pictures in pixels
+    #[arg(long, value_name = "N", default_value_t = 1152)]
+    pub width: u16,
+    /// Without the detector, and without the phase in which it is stalled
+    #[arg(long)]
+    pub without_tier_three: bool,
+}
+
+/// How often.
+#[derive(Debug, Args)]
+pub struct Kills {
+    /// Runs that are killed
+    #[arg(long, value_name = "N", default_value_t = 200)]
+    pub kills: u64,
+    /// Chooses the moments
+    #[arg(long, value_name = "N", default_value_t = 6)]
+    pub seed: u64,
+}
 
 /// Figures phase by phase; see `host/tests/run_soak`.
-pub fn phases(rest: &[String]) -> Result<()> {
-    let controller = tools::option(rest, "--mcu")?.unwrap_or("in-process");
-    if controller == "emulated" {
+pub fn phases(options: &Soak) -> Result<()> {
+    if options.mcu == Controller::Emulated {
         setup::everything()?;
         firmware::build()?;
     }
-    let has = |flag: &str| rest.iter().any(|argument| argument == flag);
     ignored("run_soak", "nothing_that_listens")
-        .env("NEARFIELD_SOAK_SECONDS", tools::option(rest, "--seconds")?.unwrap_or("60"))
-        .env("NEARFIELD_SOAK_WIDTH", tools::option(rest, "--width")?.unwrap_or("1152"))
-        .env("NEARFIELD_SOAK_MCU", controller)
-        .env("NEARFIELD_SOAK_PROFILE", if has("--without-tier-three") { "height" } else { "semantics" })
+        .env("NEARFIELD_SOAK_SECONDS", &options.seconds.to_string())
+        .env("NEARFIELD_SOAK_WIDTH", &options.width.to_string())
+        .env("NEARFIELD_SOAK_MCU", options.mcu.name())
+        .env("NEARFIELD_SOAK_PROFILE", if options.without_tier_three { "height" } else { "semantics" })
         .run()
 }
 
 /// `nearfield run`, killed at random moments; see `host/tests/run_command`.
-pub fn kills(rest: &[String]) -> Result<()> {
+pub fn kills(options: &Kills) -> Result<()> {
     ignored("run_command", "killed_two_hundred_times")
-        .env("NEARFIELD_KILLS", tools::option(rest, "--kills")?.unwrap_or("200"))
-        .env("NEARFIELD_KILLS_SEED", tools::option(rest, "--seed")?.unwrap_or("6"))
+        .env("NEARFIELD_KILLS", &options.kills.to_string())
+        .env("NEARFIELD_KILLS_SEED", &options.seed.to_string())
         .run()
 }
 

@@ -1,7 +1,8 @@
 //! The tools of the tests of the tests: cargo subcommands that are installed from crates.io where they are missing.
 
 use crate::run::{Step, target_directory};
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result};
+use clap::ValueEnum;
 
 /// A cargo subcommand and the version that the figures in `tests/RIGOR.md` were made with.
 pub struct Tool {
@@ -68,11 +69,30 @@ pub fn nightly(component: Option<&str>) -> Result<()> {
     Ok(())
 }
 
-/// The value that follows `name` among the arguments of a chore.
-pub fn option<'a>(rest: &'a [String], name: &str) -> Result<Option<&'a str>> {
-    let Some(place) = rest.iter().position(|argument| argument == name) else { return Ok(None) };
-    match rest.get(place + 1) {
-        Some(value) if !value.starts_with("--") => Ok(Some(value)),
-        _ => bail!("{name} needs a value"),
+/// Which safety controller decides.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum Controller {
+    /// The firmware's library in the host's process
+    #[default]
+    InProcess,
+    /// The firmware's binary in QEMU
+    Emulated,
+}
+
+impl Controller {
+    /// As the host's programs call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::InProcess => "in-process",
+            Self::Emulated => "emulated",
+        }
     }
+}
+
+/// The words of a command, then options with their values, then the flags that are set.
+pub fn with_options(command: &[&str], values: &[(&str, String)], flags: &[(&str, bool)]) -> Vec<String> {
+    let mut words: Vec<String> = command.iter().map(|word| (*word).to_owned()).collect();
+    words.extend(values.iter().flat_map(|(name, value)| [(*name).to_owned(), value.clone()]));
+    words.extend(flags.iter().filter(|(_, set)| *set).map(|(name, _)| (*name).to_owned()));
+    words
 }
