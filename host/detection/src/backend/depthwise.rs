@@ -1,13 +1,15 @@
 //! Convolutions that filter every channel by itself, for backends that are slow at them.
 //!
 //! rten multiplies matrices at the processor's speed but walks through such a convolution number by number; a network like
-//! EfficientNet spends most of its time there. Here sixteen neighbouring outputs are summed at once, which compilers turn into
-//! vector instructions of any processor.
+//! EfficientNet spends most of its time there. Here neighbouring outputs of a row are summed at once, in the widest vectors
+//! that the processor has (`rten-simd`, as rten itself: AVX-512, AVX2, NEON, or plain loops), chosen while the program runs.
 
+use rten_simd::ops::{BitOps, NumOps};
+use rten_simd::{Isa, SimdOp};
 use serde::{Deserialize, Serialize};
 
-/// Outputs of a row that are summed at once.
-const LANES: usize = 16;
+/// Numbers of the longest vector there is: a row of the scratch is longer than the picture by as much.
+const LONGEST_VECTOR: usize = 16;
 
 /// What a model's card tells about one such convolution; names are those of the network's tensors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -65,47 +67,83 @@ impl Depthwise {
         self.channels
     }
 
-    /// From `input` (channels, rows, columns) to `output` (channels, rows and columns by [`Self::outputs`]), which is emptied first.
-    /// False, and nothing written, if `input` has another size.
+    /// From `input` (channels, rows, columns) to `output` (channels, rows and columns by [`Self::outputs`]), whose former
+    /// content is lost. False, and `output` empty, if `input` has another size.
     pub fn run(&mut self, input: &[f32], rows: usize, columns: usize, output: &mut Vec<f32>) -> bool {
-        output.clear();
         if rows == 0 || columns == 0 || input.len() != self.channels * rows * columns {
+            output.clear();
             return false;
         }
         let (rows_out, columns_out) = (self.outputs(rows), self.outputs(columns));
+        // Every number is written below: those that are there already need not be cleared.
         output.resize(self.channels * rows_out * columns_out, 0.0);
         let border = self.size / 2;
-        // The last vector of a row may reach beyond the picture.
-        let phase = (columns + 2 * border).div_ceil(self.stride) + LANES;
-        let line = phase * self.stride;
+        let phase = (columns + 2 * border).div_ceil(self.stride) + LONGEST_VECTOR;
         self.scratch.clear();
-        self.scratch.resize(line * (rows + 2 * border), 0.0);
-        let filter = match (self.size, self.stride) {
-            (1, 1) => filter::<1, 1>,
-            (1, _) => filter::<1, 2>,
-            (3, 1) => filter::<3, 1>,
-            (3, _) => filter::<3, 2>,
-            (5, 1) => filter::<5, 1>,
-            (5, _) => filter::<5, 2>,
-            (_, 1) => filter::<7, 1>,
-            _ => filter::<7, 2>,
-        };
-        let taps = self.size * self.size;
-        let planes = input.chunks_exact(rows * columns).zip(output.chunks_exact_mut(rows_out * columns_out));
-        for ((plane, result), (kernel, bias)) in planes.zip(self.kernel.chunks_exact(taps).zip(&self.bias)) {
-            let padded = self.scratch.chunks_exact_mut(line).skip(border);
-            for (row, padded) in plane.chunks_exact(columns).zip(padded) {
-                spread(row, padded, border, self.stride, phase);
-            }
-            filter(&self.scratch, phase, kernel, *bias, self.limits, result, columns_out);
+        self.scratch.resize(phase * self.stride * (rows + 2 * border), 0.0);
+        let work = Work { layer: self, input, rows, columns, phase, output };
+        match (work.layer.size, work.layer.stride) {
+            (1, 1) => Filter::<1, 1>(work).dispatch(),
+            (1, _) => Filter::<1, 2>(work).dispatch(),
+            (3, 1) => Filter::<3, 1>(work).dispatch(),
+            (3, _) => Filter::<3, 2>(work).dispatch(),
+            (5, 1) => Filter::<5, 1>(work).dispatch(),
+            (5, _) => Filter::<5, 2>(work).dispatch(),
+            (_, 1) => Filter::<7, 1>(work).dispatch(),
+            _ => Filter::<7, 2>(work).dispatch(),
         }
         true
     }
 }
 
+/// All channels of one picture.
+struct Work<'a> {
+    layer: &'a mut Depthwise,
+    input: &'a [f32],
+    rows: usize,
+    columns: usize,
+    /// Numbers from a row's columns 0, stride, ... to its columns 1, stride + 1, ... in the scratch.
+    phase: usize,
+    output: &'a mut [f32],
+}
+
+/// The work for one size of kernel and one stride. Both are known to the compiler, so that the loops over the kernel vanish.
+struct Filter<'a, const SIZE: usize, const STRIDE: usize>(Work<'a>);
+
+impl<const SIZE: usize, const STRIDE: usize> SimdOp for Filter<'_, SIZE, STRIDE> {
+    type Output = ();
+
+    #[inline(always)]
+    fn eval<I: Isa>(self, isa: I) {
+        let Work { layer, input, rows, columns, phase, output } = self.0;
+        let Depthwise { kernel, bias, scratch, limits, .. } = layer;
+        let (border, line) = (SIZE / 2, phase * STRIDE);
+        let (rows_out, columns_out) = (rows.div_ceil(STRIDE), columns.div_ceil(STRIDE));
+        let planes = input.chunks_exact(rows * columns).zip(kernel.chunks_exact(SIZE * SIZE).zip(&*bias));
+        for (channel, (plane, (kernel, bias))) in planes.enumerate() {
+            let padded = scratch.chunks_exact_mut(line).skip(border);
+            for (row, padded) in plane.chunks_exact(columns).zip(padded) {
+                spread::<STRIDE>(row, padded, border, phase);
+            }
+            let output = &mut output[channel * rows_out * columns_out..];
+            filter::<I, SIZE, STRIDE>(
+                isa,
+                scratch,
+                phase,
+                kernel,
+                *bias,
+                *limits,
+                output,
+                [rows_out, columns_out],
+            );
+        }
+    }
+}
+
 /// Writes a row between its borders, its columns sorted by what remains after division by the stride.
-fn spread(row: &[f32], padded: &mut [f32], border: usize, stride: usize, phase: usize) {
-    if stride == 1 {
+#[inline(always)]
+fn spread<const STRIDE: usize>(row: &[f32], padded: &mut [f32], border: usize, phase: usize) {
+    if STRIDE == 1 {
         padded[border..border + row.len()].copy_from_slice(row);
         return;
     }
@@ -113,55 +151,64 @@ fn spread(row: &[f32], padded: &mut [f32], border: usize, stride: usize, phase: 
     let (even, odd) = padded.split_at_mut(phase);
     let (mut first, mut second) = if border.is_multiple_of(2) { (even, odd) } else { (odd, even) };
     let (place, after) = (border / 2, border.div_ceil(2));
-    first = &mut first[place..];
-    second = &mut second[after..];
-    for ((pair, first), second) in row.chunks(2).zip(first).zip(second) {
-        match pair {
-            [one, other] => (*first, *second) = (*one, *other),
-            [one] => *first = *one,
-            _ => {}
-        }
+    let pairs = row.len() / 2;
+    if let [last] = row[2 * pairs..] {
+        first[place + pairs] = last;
+    }
+    first = &mut first[place..place + pairs];
+    second = &mut second[after..after + pairs];
+    for ((pair, first), second) in row.chunks_exact(2).zip(first).zip(second) {
+        (*first, *second) = (pair[0], pair[1]);
     }
 }
 
-/// One channel. Sizes are known to the compiler, so that sums stay in registers and the loops over the kernel vanish.
-fn filter<const SIZE: usize, const STRIDE: usize>(
+/// One channel, from the scratch to the beginning of `output`. What is behind the channel's end may be overwritten: the next
+/// channel's numbers come later.
+#[inline(always)]
+#[allow(
+    clippy::too_many_arguments,
+    reason = "a structure would have to be taken apart again for the registers"
+)]
+fn filter<I: Isa, const SIZE: usize, const STRIDE: usize>(
+    isa: I,
     scratch: &[f32],
     phase: usize,
     kernel: &[f32],
     bias: f32,
-    [low, high]: [f32; 2],
-    result: &mut [f32],
-    columns: usize,
+    limits: [f32; 2],
+    output: &mut [f32],
+    [rows, columns]: [usize; 2],
 ) {
-    let line = phase * STRIDE;
-    let mut weights = [[0.0; SIZE]; SIZE];
+    let ops = isa.f32();
+    let mut weights = [[ops.zero(); SIZE]; SIZE];
     for (weights, kernel) in weights.iter_mut().zip(kernel.chunks_exact(SIZE)) {
-        weights.copy_from_slice(kernel);
+        for (weight, kernel) in weights.iter_mut().zip(kernel) {
+            *weight = ops.splat(*kernel);
+        }
     }
-    let mut top = 0;
-    for result in result.chunks_exact_mut(columns) {
-        let mut first = top;
-        for result in result.chunks_mut(LANES) {
-            let mut sums = [bias; LANES];
-            for (down, weights) in weights.iter().enumerate() {
+    let (bias, low, high) = (ops.splat(bias), ops.splat(limits[0]), ops.splat(limits[1]));
+    let line = phase * STRIDE;
+    for row in 0..rows {
+        let lines = &scratch[row * STRIDE * line..][..SIZE * line];
+        for column in (0..columns).step_by(ops.len()) {
+            let mut sum = bias;
+            for (line, weights) in lines.chunks_exact(line).zip(&weights) {
                 for (right, weight) in weights.iter().enumerate() {
-                    let start = first + down * line + right % STRIDE * phase + right / STRIDE;
-                    let Some(values) = scratch.get(start..).and_then(|rest| rest.first_chunk::<LANES>())
-                    else {
-                        continue;
-                    };
-                    for lane in 0..LANES {
-                        sums[lane] += weight * values[lane];
-                    }
+                    let values = ops.load(&line[right % STRIDE * phase + right / STRIDE + column..]);
+                    sum = ops.mul_add(values, *weight, sum);
                 }
             }
-            for (result, sum) in result.iter_mut().zip(sums) {
-                *result = sum.max(low).min(high);
+            let sum = ops.clamp(sum, low, high);
+            let place = &mut output[row * columns + column..];
+            if place.len() >= ops.len() {
+                // The end of the last vector is overwritten by the next row.
+                ops.store(sum, place);
+            } else {
+                let mut last = [0.0; LONGEST_VECTOR];
+                ops.store(sum, &mut last);
+                place.copy_from_slice(&last[..place.len()]);
             }
-            first += LANES;
         }
-        top += line * STRIDE;
     }
 }
 
