@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::backend::depthwise::DepthwiseLayer;
 use crate::calibration::Calibration;
 
 /// Format of the cards that this version reads.
@@ -86,6 +85,57 @@ pub struct Step {
     /// What comes next; nothing behind the last piece.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depthwise: Option<DepthwiseLayer>,
+}
+
+/// A convolution that filters every channel by itself, alone or with the convolutions of single pixels around it; names are those
+/// of the network's tensors.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DepthwiseLayer {
+    /// What is read: (1, channels, rows, columns).
+    pub input: String,
+    /// What is written: behind the limits, or behind the narrowing.
+    pub output: String,
+    /// (channels, 1, size, size).
+    pub kernel: String,
+    /// (channels).
+    pub bias: String,
+    /// Rows and columns from one output to the next, 1 or 2.
+    pub stride: usize,
+    /// Outputs are not below this ...
+    pub low: f32,
+    /// ... nor above this.
+    pub high: f32,
+    /// Widening of the input before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub expand: Option<Expansion>,
+    /// Narrowing of the output behind.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub project: Option<Projection>,
+    /// Is `input` added to the result? Only with a narrowing.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub shortcut: bool,
+}
+
+/// A convolution of single pixels that makes features wide.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Expansion {
+    /// (outputs, inputs, 1, 1).
+    pub kernel: String,
+    /// (outputs).
+    pub bias: String,
+    /// Outputs are not below this ...
+    pub low: f32,
+    /// ... nor above this.
+    pub high: f32,
+}
+
+/// A convolution of single pixels that makes features narrow.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Projection {
+    /// (outputs, inputs, 1, 1).
+    pub kernel: String,
+    /// (outputs).
+    pub bias: String,
 }
 
 impl Card {

@@ -17,6 +17,7 @@ import numpy
 import onnx
 import torch
 
+from .cut import steps
 from .dataset import class_names, read_coco
 from .network import ANCHORS, STRIDES, Yolo
 from .predict import letterbox
@@ -76,78 +77,6 @@ def write_compact(source: pathlib.Path, target: pathlib.Path) -> None:
     graph.node.extend(nodes)
     onnx.checker.check_model(model)
     onnx.save(model, str(target))
-
-
-def steps(path: pathlib.Path) -> list[dict]:
-    """The network cut at its convolutions of single channels: for the host's backend, which computes these itself.
-
-    A piece is what lies between two of them in the file's order; it takes and gives the tensors that cross its ends.
-    """
-    graph = onnx.load(str(path)).graph
-    constants = {tensor.name for tensor in graph.initializer}
-    nodes, users = [], {}
-    for node in graph.node:
-        if all(name in constants for name in node.input if name):
-            constants.update(node.output)
-        else:
-            nodes.append(node)
-            for name in node.input:
-                users.setdefault(name, []).append(node)
-    layers, swallowed = {}, set()
-    for node in nodes:
-        attributes = {entry.name: onnx.helper.get_attribute_value(entry) for entry in node.attribute}
-        if node.op_type != "Conv" or attributes.get("group", 1) == 1:
-            continue
-        layer = {"input": node.input[0], "output": node.output[0], "kernel": node.input[1], "bias": node.input[2]}
-        layer |= {"stride": attributes["strides"][0], "low": -3e38, "high": 3e38}
-        following = users.get(node.output[0], [])
-        if len(following) == 1 and following[0].op_type == "Clip":
-            low, high = (_scalar(graph, name) for name in following[0].input[1:3])
-            layer |= {"output": following[0].output[0], "low": low, "high": high}
-            swallowed.add(following[0].output[0])
-        layers[node.output[0]] = layer
-    if not layers:
-        return []
-    pieces, origin = [{"nodes": [], "depthwise": None}], {entry.name: -1 for entry in graph.input}
-    for node in nodes:
-        if node.output[0] in layers:
-            layer = layers[node.output[0]]
-            pieces[-1]["depthwise"] = layer
-            # Known behind this piece, as if the next one had been told it.
-            origin[layer["output"]] = len(pieces) - 0.5
-            pieces.append({"nodes": [], "depthwise": None})
-        elif node.output[0] not in swallowed:
-            pieces[-1]["nodes"].append(node)
-            origin.update({name: len(pieces) - 1 for name in node.output})
-    takes: list[dict] = [{} for _ in pieces]
-    gives: list[dict] = [{} for _ in pieces]
-    for index, piece in enumerate(pieces):
-        wanted = [name for node in piece["nodes"] for name in node.input if name in origin]
-        for name in wanted:
-            if origin[name] != index:
-                takes[index][name] = True
-        for name in wanted + ([piece["depthwise"]["input"]] if piece["depthwise"] else []):
-            place = origin[name]
-            if place >= 0 and place == int(place) and (place != index or name not in wanted):
-                gives[int(place)][name] = True
-    for entry in graph.output:
-        gives[int(origin[entry.name])][entry.name] = True
-    answer = []
-    for piece, taken, given in zip(pieces, takes, gives):
-        entry = {"takes": list(taken), "gives": list(given)}
-        answer.append(entry | ({"depthwise": piece["depthwise"]} if piece["depthwise"] else {}))
-    return answer
-
-
-def _scalar(graph: onnx.GraphProto, name: str) -> float:
-    """The value of a constant."""
-    for tensor in graph.initializer:
-        if tensor.name == name:
-            return float(onnx.numpy_helper.to_array(tensor))
-    for node in graph.node:
-        if name in node.output and node.op_type == "Constant":
-            return float(onnx.numpy_helper.to_array(node.attribute[0].t))
-    raise SystemExit(f"the limit {name} is no constant")
 
 
 def card(state: dict, name: str, about: dict) -> dict:

@@ -4,46 +4,48 @@
 //! EfficientNet spends most of its time there. Here neighbouring outputs of a row are summed at once, in the widest vectors
 //! that the processor has (`rten-simd`, as rten itself: AVX-512, AVX2, NEON, or plain loops), chosen while the program runs.
 
+use std::ops::Range;
+
 use rten_simd::ops::{BitOps, NumOps};
 use rten_simd::{Isa, SimdOp};
-use serde::{Deserialize, Serialize};
 
 /// Numbers of the longest vector there is: a row of the scratch is longer than the picture by as much.
 const LONGEST_VECTOR: usize = 16;
-
-/// What a model's card tells about one such convolution; names are those of the network's tensors.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct DepthwiseLayer {
-    /// What it reads: (1, channels, rows, columns).
-    pub input: String,
-    /// What it writes, after the limits.
-    pub output: String,
-    /// (channels, 1, size, size).
-    pub kernel: String,
-    /// (channels).
-    pub bias: String,
-    /// Rows and columns from one output to the next, 1 or 2.
-    pub stride: usize,
-    /// Outputs are not below this ...
-    pub low: f32,
-    /// ... nor above this.
-    pub high: f32,
-}
+/// Rows of the output that are summed at once.
+pub const BLOCK: usize = 5;
 
 /// A convolution with its weights. The border is filled with zeros, half a kernel wide.
 pub struct Depthwise {
     channels: usize,
     size: usize,
     stride: usize,
+    /// What is read is first brought between these, its channel's offset added before.
+    input_limits: [f32; 2],
+    offsets: Vec<f32>,
     limits: [f32; 2],
     kernel: Vec<f32>,
     bias: Vec<f32>,
-    /// One channel with its border, each row as its columns 0, stride, ..., then 1, stride + 1, ...
+    /// One channel of a band with its border, each row as its columns 0, stride, ..., then 1, stride + 1, ...
     scratch: Vec<f32>,
 }
 
+/// Some rows of a convolution's output, and the rows of its input that they are made of.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Band {
+    /// Rows of the whole input.
+    pub rows: usize,
+    /// Columns of the input.
+    pub columns: usize,
+    /// Columns of the output.
+    pub columns_out: usize,
+    /// Rows of the input that are needed.
+    pub source: Range<usize>,
+    /// Rows of the output.
+    pub result: Range<usize>,
+}
+
 impl Depthwise {
-    /// `None` if the numbers do not make such a convolution.
+    /// `kernel` is (channels, size, size), `bias` (channels). `None` if the numbers do not make such a convolution.
     #[must_use]
     pub fn new(kernel: Vec<f32>, bias: Vec<f32>, stride: usize, limits: [f32; 2]) -> Option<Self> {
         let channels = bias.len();
@@ -52,7 +54,16 @@ impl Depthwise {
         let fits = channels * size * size == kernel.len()
             && matches!(size, 1 | 3 | 5 | 7)
             && matches!(stride, 1 | 2);
-        fits.then(|| Self { channels, size, stride, limits, kernel, bias, scratch: Vec::new() })
+        let (input_limits, offsets) = ([f32::NEG_INFINITY, f32::INFINITY], vec![0.0; channels]);
+        let scratch = Vec::new();
+        fits.then_some(Self { channels, size, stride, input_limits, offsets, limits, kernel, bias, scratch })
+    }
+
+    /// Has it add `offsets` (channels) to what it reads, and bring the sum between `limits` ahead of the filter. `None` if there are
+    /// not as many.
+    #[must_use]
+    pub fn reading(self, offsets: Vec<f32>, limits: [f32; 2]) -> Option<Self> {
+        (offsets.len() == self.channels).then_some(Self { offsets, input_limits: limits, ..self })
     }
 
     /// Rows or columns of the output for those of the input.
@@ -67,21 +78,35 @@ impl Depthwise {
         self.channels
     }
 
-    /// From `input` (channels, rows, columns) to `output` (channels, rows and columns by [`Self::outputs`]), whose former
-    /// content is lost. False, and `output` empty, if `input` has another size.
-    pub fn run(&mut self, input: &[f32], rows: usize, columns: usize, output: &mut Vec<f32>) -> bool {
-        if rows == 0 || columns == 0 || input.len() != self.channels * rows * columns {
-            output.clear();
-            return false;
-        }
-        let (rows_out, columns_out) = (self.outputs(rows), self.outputs(columns));
-        // Every number is written below: those that are there already need not be cleared.
-        output.resize(self.channels * rows_out * columns_out, 0.0);
+    /// What the output's rows `result` need of an input of `rows` x `columns`. There must be such rows.
+    #[must_use]
+    pub fn band(&self, result: Range<usize>, rows: usize, columns: usize) -> Band {
         let border = self.size / 2;
-        let phase = (columns + 2 * border).div_ceil(self.stride) + LONGEST_VECTOR;
+        let first = (result.start * self.stride).saturating_sub(border);
+        let end = (result.end.saturating_sub(1) * self.stride + border + 1).min(rows);
+        Band { rows, columns, columns_out: self.outputs(columns), source: first..end, result }
+    }
+
+    /// A band, from [`Self::band`]. Channels' first needed rows begin at multiples of `distance` in `input`, their results at
+    /// multiples of `distance_out` in `output`. With a stride of 2, every row has its columns 0, 2, ... first, then 1, 3, ...
+    /// (see [`sorted`]).
+    ///
+    /// # Panics
+    /// `input` or `output` is too short for all channels.
+    pub fn run(
+        &mut self,
+        input: &[f32],
+        distance: usize,
+        band: &Band,
+        output: &mut [f32],
+        distance_out: usize,
+    ) {
+        let phase = (band.columns + 2 * (self.size / 2)).div_ceil(self.stride) + LONGEST_VECTOR + self.size;
+        // Also behind the last row there is a line for the next one to begin.
+        let lines = band.result.len() * self.stride + self.size;
         self.scratch.clear();
-        self.scratch.resize(phase * self.stride * (rows + 2 * border), 0.0);
-        let work = Work { layer: self, input, rows, columns, phase, output };
+        self.scratch.resize(phase * self.stride * lines, 0.0);
+        let work = Work { layer: self, input, distance, band, phase, output, distance_out };
         match (work.layer.size, work.layer.stride) {
             (1, 1) => Filter::<1, 1>(work).dispatch(),
             (1, _) => Filter::<1, 2>(work).dispatch(),
@@ -92,19 +117,19 @@ impl Depthwise {
             (_, 1) => Filter::<7, 1>(work).dispatch(),
             _ => Filter::<7, 2>(work).dispatch(),
         }
-        true
     }
 }
 
-/// All channels of one picture.
+/// All channels of one band.
 struct Work<'a> {
     layer: &'a mut Depthwise,
     input: &'a [f32],
-    rows: usize,
-    columns: usize,
+    distance: usize,
+    band: &'a Band,
     /// Numbers from a row's columns 0, stride, ... to its columns 1, stride + 1, ... in the scratch.
     phase: usize,
     output: &'a mut [f32],
+    distance_out: usize,
 }
 
 /// The work for one size of kernel and one stride. Both are known to the compiler, so that the loops over the kernel vanish.
@@ -115,55 +140,64 @@ impl<const SIZE: usize, const STRIDE: usize> SimdOp for Filter<'_, SIZE, STRIDE>
 
     #[inline(always)]
     fn eval<I: Isa>(self, isa: I) {
-        let Work { layer, input, rows, columns, phase, output } = self.0;
-        let Depthwise { kernel, bias, scratch, limits, .. } = layer;
+        let Work { layer, input, distance, band, phase, output, distance_out } = self.0;
+        let Depthwise { kernel, bias, scratch, offsets, input_limits, limits, .. } = layer;
         let (border, line) = (SIZE / 2, phase * STRIDE);
-        let (rows_out, columns_out) = (rows.div_ceil(STRIDE), columns.div_ceil(STRIDE));
-        let planes = input.chunks_exact(rows * columns).zip(kernel.chunks_exact(SIZE * SIZE).zip(&*bias));
-        for (channel, (plane, (kernel, bias))) in planes.enumerate() {
-            let padded = scratch.chunks_exact_mut(line).skip(border);
-            for (row, padded) in plane.chunks_exact(columns).zip(padded) {
-                spread::<STRIDE>(row, padded, border, phase);
+        // Lines of the scratch that lie above the picture stay zero, and so do those below.
+        let above = band.source.start + border - band.result.start * STRIDE;
+        let [needed, made] = [band.source.len() * band.columns, band.result.len() * band.columns_out];
+        let weights = kernel.chunks_exact(SIZE * SIZE).zip(bias.iter().zip(&*offsets));
+        for (channel, (kernel, (bias, offset))) in weights.enumerate() {
+            let rows = input[channel * distance..][..needed].chunks_exact(band.columns);
+            for (row, padded) in rows.zip(scratch.chunks_exact_mut(line).skip(above)) {
+                spread::<STRIDE>(row, padded, border, phase, *offset, *input_limits);
             }
-            let output = &mut output[channel * rows_out * columns_out..];
-            filter::<I, SIZE, STRIDE>(
-                isa,
-                scratch,
-                phase,
-                kernel,
-                *bias,
-                *limits,
-                output,
-                [rows_out, columns_out],
-            );
+            let result = &mut output[channel * distance_out..][..made];
+            filter::<I, SIZE, STRIDE>(isa, scratch, phase, kernel, *bias, *limits, result, band.columns_out);
         }
     }
 }
 
-/// Writes a row between its borders, its columns sorted by what remains after division by the stride.
+/// A number between limits; one that is none stays none, so that it is found at the network's end.
 #[inline(always)]
-fn spread<const STRIDE: usize>(row: &[f32], padded: &mut [f32], border: usize, phase: usize) {
-    if STRIDE == 1 {
-        padded[border..border + row.len()].copy_from_slice(row);
-        return;
-    }
-    // Stride 2: the first column lands in the first half if the border is even.
-    let (even, odd) = padded.split_at_mut(phase);
-    let (mut first, mut second) = if border.is_multiple_of(2) { (even, odd) } else { (odd, even) };
-    let (place, after) = (border / 2, border.div_ceil(2));
-    let pairs = row.len() / 2;
-    if let [last] = row[2 * pairs..] {
-        first[place + pairs] = last;
-    }
-    first = &mut first[place..place + pairs];
-    second = &mut second[after..after + pairs];
-    for ((pair, first), second) in row.chunks_exact(2).zip(first).zip(second) {
-        (*first, *second) = (pair[0], pair[1]);
+fn limited(number: f32, [low, high]: [f32; 2]) -> f32 {
+    let number = if number < low { low } else { number };
+    if number > high { high } else { number }
+}
+
+/// Writes a row between its borders.
+#[inline(always)]
+fn spread<const STRIDE: usize>(
+    row: &[f32],
+    padded: &mut [f32],
+    border: usize,
+    phase: usize,
+    offset: f32,
+    limits: [f32; 2],
+) {
+    // With a stride of 2, the first column lands in the first half of the line if the border is even.
+    let (first, second) = row.split_at(row.len().div_ceil(STRIDE));
+    let places =
+        [border % STRIDE * phase + border / STRIDE, (border + 1) % STRIDE * phase + border.div_ceil(STRIDE)];
+    for (part, place) in [first, second].into_iter().zip(places) {
+        for (number, padded) in part.iter().zip(&mut padded[place..place + part.len()]) {
+            *padded = limited(number + offset, limits);
+        }
     }
 }
 
-/// One channel, from the scratch to the beginning of `output`. What is behind the channel's end may be overwritten: the next
-/// channel's numbers come later.
+/// Writes a row's columns 0, 2, ..., then 1, 3, ...
+pub fn sorted(row: &[f32], sorted: &mut [f32]) {
+    let (even, odd) = sorted.split_at_mut(row.len().div_ceil(2));
+    for (number, even) in row.iter().step_by(2).zip(even) {
+        *even = *number;
+    }
+    for (number, odd) in row.iter().skip(1).step_by(2).zip(odd) {
+        *odd = *number;
+    }
+}
+
+/// One channel of a band, from the scratch.
 #[inline(always)]
 #[allow(
     clippy::too_many_arguments,
@@ -176,8 +210,8 @@ fn filter<I: Isa, const SIZE: usize, const STRIDE: usize>(
     kernel: &[f32],
     bias: f32,
     limits: [f32; 2],
-    output: &mut [f32],
-    [rows, columns]: [usize; 2],
+    result: &mut [f32],
+    columns: usize,
 ) {
     let ops = isa.f32();
     let mut weights = [[ops.zero(); SIZE]; SIZE];
@@ -186,22 +220,62 @@ fn filter<I: Isa, const SIZE: usize, const STRIDE: usize>(
             *weight = ops.splat(*kernel);
         }
     }
-    let (bias, low, high) = (ops.splat(bias), ops.splat(limits[0]), ops.splat(limits[1]));
+    let vectors =
+        Vectors { weights, bias: ops.splat(bias), low: ops.splat(limits[0]), high: ops.splat(limits[1]) };
     let line = phase * STRIDE;
-    for row in 0..rows {
-        let lines = &scratch[row * STRIDE * line..][..SIZE * line];
-        for column in (0..columns).step_by(ops.len()) {
-            let mut sum = bias;
-            for (line, weights) in lines.chunks_exact(line).zip(&weights) {
-                for (right, weight) in weights.iter().enumerate() {
-                    let values = ops.load(&line[right % STRIDE * phase + right / STRIDE + column..]);
-                    sum = ops.mul_add(values, *weight, sum);
+    let mut lines = scratch;
+    let mut blocks = result.chunks_exact_mut(BLOCK * columns);
+    for result in blocks.by_ref() {
+        block::<I, SIZE, STRIDE, BLOCK>(isa, lines, phase, &vectors, result, columns);
+        lines = &lines[BLOCK * STRIDE * line..];
+    }
+    for result in blocks.into_remainder().chunks_exact_mut(columns) {
+        block::<I, SIZE, STRIDE, 1>(isa, lines, phase, &vectors, result, columns);
+        lines = &lines[STRIDE * line..];
+    }
+}
+
+/// A channel's numbers, each in all places of a vector.
+struct Vectors<V, const SIZE: usize> {
+    weights: [[V; SIZE]; SIZE],
+    bias: V,
+    low: V,
+    high: V,
+}
+
+/// Some neighbouring rows of one channel: what is read from a line serves all of them.
+#[inline(always)]
+fn block<I: Isa, const SIZE: usize, const STRIDE: usize, const ROWS: usize>(
+    isa: I,
+    lines: &[f32],
+    phase: usize,
+    vectors: &Vectors<I::F32, SIZE>,
+    result: &mut [f32],
+    columns: usize,
+) {
+    let ops = isa.f32();
+    let (line, reach) = (phase * STRIDE, (SIZE - 1) / STRIDE + ops.len());
+    for column in (0..columns).step_by(ops.len()) {
+        let mut sums = [vectors.bias; ROWS];
+        for down in 0..(ROWS - 1) * STRIDE + SIZE {
+            let start = down * line + column;
+            let phases: [&[f32]; STRIDE] = std::array::from_fn(|odd| &lines[start + odd * phase..][..reach]);
+            let values: [I::F32; SIZE] =
+                std::array::from_fn(|right| ops.load(&phases[right % STRIDE][right / STRIDE..]));
+            for (row, sum) in sums.iter_mut().enumerate() {
+                // Is this line under the kernel where it stands for this row?
+                let Some(weights) = vectors.weights.get(down.wrapping_sub(row * STRIDE)) else { continue };
+                for (value, weight) in values.iter().zip(weights) {
+                    *sum = ops.mul_add(*value, *weight, *sum);
                 }
             }
-            let sum = ops.clamp(sum, low, high);
-            let place = &mut output[row * columns + column..];
-            if place.len() >= ops.len() {
-                // The end of the last vector is overwritten by the next row.
+        }
+        for (row, sum) in sums.into_iter().enumerate() {
+            // In this order a sum that is no number stays none.
+            let sum = ops.min(vectors.high, ops.max(vectors.low, sum));
+            let end = ((row + 1) * columns).min(row * columns + column + ops.len());
+            let place = &mut result[row * columns + column..end];
+            if place.len() == ops.len() {
                 ops.store(sum, place);
             } else {
                 let mut last = [0.0; LONGEST_VECTOR];
@@ -238,6 +312,7 @@ mod tests {
                             let u = column as isize + right as isize - border;
                             if (0..rows as isize).contains(&v) && (0..columns as isize).contains(&u) {
                                 let value = input[(channel * rows + v as usize) * columns + u as usize];
+                                let value = (value + 0.25).clamp(-0.9, 0.8);
                                 sum += f64::from(value)
                                     * f64::from(kernel[(channel * size + down) * size + right]);
                             }
@@ -259,6 +334,14 @@ mod tests {
         (0..count).map(|_| next()).collect()
     }
 
+    fn all_sorted(input: &[f32], columns: usize) -> Vec<f32> {
+        let mut all = vec![0.0; input.len()];
+        for (row, target) in input.chunks_exact(columns).zip(all.chunks_exact_mut(columns)) {
+            sorted(row, target);
+        }
+        all
+    }
+
     proptest! {
         #[test]
         fn it_is_the_convolution_by_its_definition(
@@ -267,38 +350,64 @@ mod tests {
             columns in 1_usize..40,
             half in 0_usize..4,
             stride in 1_usize..3,
+            cut in 0.0_f64..1.0,
             seed in any::<u64>(),
         ) {
             let size = 2 * half + 1;
             let input = numbers(channels * rows * columns, seed);
             let (kernel, bias) = (numbers(channels * size * size, seed ^ 1), numbers(channels, seed ^ 2));
             let expected = by_definition(&input, [channels, rows, columns], &kernel, &bias, size, stride);
-            let mut layer = Depthwise::new(kernel, bias, stride, [-0.5, 0.75]).unwrap();
-            let mut output = vec![9.0; 3];
-            prop_assert!(layer.run(&input, rows, columns, &mut output));
-            prop_assert_eq!(output.len(), expected.len());
-            for (found, exact) in output.iter().zip(&expected) {
-                prop_assert!((found - exact.clamp(-0.5, 0.75)).abs() < 1e-4, "{} instead of {}", found, exact);
+            let layer = Depthwise::new(kernel, bias, stride, [-0.5, 0.75]).unwrap();
+            let mut layer = layer.reading(vec![0.25; channels], [-0.9, 0.8]).unwrap();
+            let input = if stride == 1 { input } else { all_sorted(&input, columns) };
+            // In two bands, behind each other in every channel; between the channels there is room that must stay.
+            let (rows_out, columns_out) = (layer.outputs(rows), layer.outputs(columns));
+            let plane = rows_out * columns_out;
+            let mut output = vec![9.0; channels * (plane + 1)];
+            let cut = (cut * rows_out as f64) as usize;
+            for result in [0..cut, cut..rows_out].into_iter().filter(|result| !result.is_empty()) {
+                let band = layer.band(result.clone(), rows, columns);
+                let source = &input[band.source.start * columns..];
+                layer.run(source, rows * columns, &band, &mut output[result.start * columns_out..], plane + 1);
+            }
+            for (found, exact) in output.chunks_exact(plane + 1).zip(expected.chunks_exact(plane)) {
+                prop_assert_eq!(found[plane], 9.0, "between the channels");
+                for (found, exact) in found.iter().zip(exact) {
+                    prop_assert!((found - exact.clamp(-0.5, 0.75)).abs() < 1e-4, "{} instead of {}", found, exact);
+                }
             }
         }
     }
 
     #[test]
+    fn a_number_that_is_none_is_not_lost_between_limits() {
+        for (stride, place) in [(1, 0), (1, 24), (2, 0), (2, 13)] {
+            let mut layer = Depthwise::new(vec![1.0; 9], vec![0.0], stride, [0.0, 6.0]).unwrap();
+            let mut input = [1.0; 25];
+            input[place] = f32::NAN;
+            let input = if stride == 1 { input.to_vec() } else { all_sorted(&input, 5) };
+            let band = layer.band(0..layer.outputs(5), 5, 5);
+            let mut output = vec![0.0; band.result.len() * band.columns_out];
+            let distance_out = output.len();
+            layer.run(&input, 25, &band, &mut output, distance_out);
+            assert!(
+                output.iter().any(|number| number.is_nan()),
+                "stride {stride}, place {place}: {output:?}"
+            );
+        }
+    }
+
+    #[test]
     fn what_does_not_fit_is_refused() {
-        assert!(Depthwise::new(vec![0.0; 18], vec![0.0; 2], 1, [0.0, 6.0]).is_some());
-        assert!(Depthwise::new(vec![0.0; 17], vec![0.0; 2], 1, [0.0, 6.0]).is_none(), "no whole kernels");
+        const LIMITS: [f32; 2] = [0.0, 6.0];
+        assert!(Depthwise::new(vec![0.0; 18], vec![0.0; 2], 1, LIMITS).is_some());
+        assert!(Depthwise::new(vec![0.0; 17], vec![0.0; 2], 1, LIMITS).is_none(), "no whole kernels");
         assert!(
-            Depthwise::new(vec![0.0; 8], vec![0.0; 2], 1, [0.0, 6.0]).is_none(),
+            Depthwise::new(vec![0.0; 8], vec![0.0; 2], 1, LIMITS).is_none(),
             "an even kernel has no middle"
         );
-        assert!(
-            Depthwise::new(vec![0.0; 81], vec![0.0; 1], 1, [0.0, 6.0]).is_none(),
-            "larger than any in use"
-        );
-        assert!(Depthwise::new(vec![], vec![], 1, [0.0, 6.0]).is_none());
-        assert!(Depthwise::new(vec![0.0; 18], vec![0.0; 2], 3, [0.0, 6.0]).is_none());
-        let mut layer = Depthwise::new(vec![0.0; 18], vec![0.0; 2], 1, [0.0, 6.0]).unwrap();
-        let mut output = vec![1.0];
-        assert!(!layer.run(&[0.0; 31], 4, 4, &mut output) && output.is_empty());
+        assert!(Depthwise::new(vec![0.0; 81], vec![0.0; 1], 1, LIMITS).is_none(), "larger than any in use");
+        assert!(Depthwise::new(vec![], vec![], 1, LIMITS).is_none());
+        assert!(Depthwise::new(vec![0.0; 18], vec![0.0; 2], 3, LIMITS).is_none());
     }
 }

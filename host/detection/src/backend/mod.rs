@@ -1,5 +1,6 @@
 //! Ways of running a network, and one of not running any.
 
+pub mod bottleneck;
 pub mod depthwise;
 #[cfg(feature = "hailo")]
 pub mod hailo;

@@ -8,8 +8,9 @@ use rten::{Model, NodeId, RunOptions, ThreadPool, Value, ValueOrView};
 use rten_tensor::prelude::*;
 use rten_tensor::{NdTensor, NdTensorView};
 
+use super::bottleneck::{Bottleneck, Pointwise};
 use super::depthwise::Depthwise;
-use crate::card::{Card, ModelError, Step};
+use crate::card::{Card, DepthwiseLayer, ModelError, Step};
 use crate::detector::Unknown;
 use crate::network::Rows;
 
@@ -33,11 +34,11 @@ struct Piece {
     layer: Option<Layer>,
 }
 
-/// A convolution channel by channel, between two tensors.
+/// A convolution channel by channel, alone or with those around it, between two tensors.
 struct Layer {
     input: NodeId,
     output: NodeId,
-    depthwise: Depthwise,
+    block: Bottleneck,
 }
 
 impl RtenNetwork {
@@ -90,11 +91,14 @@ impl RtenNetwork {
                     inputs.push((*id, ValueOrView::View(value.as_view())));
                 }
             }
-            let given = self
-                .model
-                .run(inputs, &piece.gives, Some(options.clone()))
-                .map_err(|error| error.to_string())?;
-            known.extend(piece.gives.iter().copied().zip(given));
+            // Between two blocks there may be nothing to do.
+            if !piece.gives.is_empty() {
+                let given = self
+                    .model
+                    .run(inputs, &piece.gives, Some(options.clone()))
+                    .map_err(|error| error.to_string())?;
+                known.extend(piece.gives.iter().copied().zip(given));
+            }
             if let Some(layer) = &mut piece.layer {
                 let value = known.get(&layer.input).ok_or("a convolution's input is not there")?;
                 let filtered = layer.run(value)?;
@@ -115,41 +119,51 @@ impl Layer {
             .try_into()
             .map_err(|_| "a convolution's input is not made of numbers for one picture")?;
         let [pictures, channels, rows, columns] = view.shape();
-        let mut filtered = Vec::new();
-        let whole = view.to_contiguous();
-        let fits = pictures == 1
-            && channels == self.depthwise.channels()
-            && self.depthwise.run(whole.data(), rows, columns, &mut filtered);
-        if !fits {
-            return Err(format!(
-                "a convolution of {} channels cannot take {:?}",
-                self.depthwise.channels(),
-                view.shape()
-            ));
+        if pictures != 1 || channels != self.block.inputs() {
+            let shape = view.shape();
+            return Err(format!("a convolution of {} channels cannot take {shape:?}", self.block.inputs()));
         }
-        let shape = [1, channels, self.depthwise.outputs(rows), self.depthwise.outputs(columns)];
-        Ok(NdTensor::from_data(shape, filtered).into())
+        let mut result = Vec::new();
+        self.block.run(view.to_contiguous().data(), rows, columns, &mut result)?;
+        let [rows_out, columns_out] = self.block.shape(rows, columns);
+        Ok(NdTensor::from_data([1, self.block.outputs(), rows_out, columns_out], result).into())
     }
+
+    /// The layer that a card names, with the network's weights.
+    fn find(model: &Model, layer: &DepthwiseLayer) -> Result<Self, String> {
+        let numbers = |name: &String| constant(model, node(model, name)?, name);
+        let pointwise = |kernel: &String, bias: &String| {
+            Pointwise::new(&numbers(kernel)?, numbers(bias)?)
+                .ok_or_else(|| format!("\"{kernel}\" is no kernel for single pixels"))
+        };
+        let before = layer.expand.as_ref().map(|expand| {
+            pointwise(&expand.kernel, &expand.bias).map(|found| (found, [expand.low, expand.high]))
+        });
+        let behind = layer.project.as_ref().map(|project| pointwise(&project.kernel, &project.bias));
+        let filter = Depthwise::new(
+            numbers(&layer.kernel)?,
+            numbers(&layer.bias)?,
+            layer.stride,
+            [layer.low, layer.high],
+        )
+        .ok_or_else(|| format!("\"{}\" is no kernel for every channel by itself", layer.kernel))?;
+        let block = Bottleneck::new(before.transpose()?, filter, behind.transpose()?, layer.shortcut)
+            .ok_or_else(|| format!("the convolutions around \"{}\" have other channels", layer.kernel))?;
+        Ok(Self { input: node(model, &layer.input)?, output: node(model, &layer.output)?, block })
+    }
+}
+
+fn node(model: &Model, name: &str) -> Result<NodeId, String> {
+    model.find_node(name).ok_or_else(|| format!("it has no tensor \"{name}\""))
 }
 
 /// From the card's names to the loaded network's numbers.
 fn pieces(model: &Model, steps: &[Step]) -> Result<Vec<Piece>, String> {
-    let find = |name: &String| model.find_node(name).ok_or_else(|| format!("it has no tensor \"{name}\""));
-    let find_all = |names: &[String]| names.iter().map(find).collect::<Result<Vec<_>, _>>();
+    let find_all =
+        |names: &[String]| names.iter().map(|name| node(model, name)).collect::<Result<Vec<_>, _>>();
     let mut pieces = Vec::with_capacity(steps.len());
     for step in steps {
-        let layer = match &step.depthwise {
-            None => None,
-            Some(layer) => {
-                let kernel = constant(model, find(&layer.kernel)?, &layer.kernel)?;
-                let bias = constant(model, find(&layer.bias)?, &layer.bias)?;
-                let depthwise = Depthwise::new(kernel, bias, layer.stride, [layer.low, layer.high])
-                    .ok_or_else(|| {
-                        format!("\"{}\" is no kernel for every channel by itself", layer.kernel)
-                    })?;
-                Some(Layer { input: find(&layer.input)?, output: find(&layer.output)?, depthwise })
-            }
-        };
+        let layer = step.depthwise.as_ref().map(|layer| Layer::find(model, layer)).transpose()?;
         let (takes, gives) = (find_all(&step.takes)?, find_all(&step.gives)?);
         pieces.push(Piece { takes, gives, last_used: Vec::new(), layer });
     }
