@@ -153,6 +153,7 @@ fn sentences(report: &PartReport) -> String {
     }
     lines.push(format!("  people found as that class:      {}", report.people.as_that_class));
     lines.push(format!("  people found as any human class: {}", report.people.as_a_person));
+    lines.push(format!("  alarms with a person there:      {}", report.people.alarms_right));
     lines.push(format!(
         "  calibration error {:.3} (scores as they are: {:.3})",
         report.reliability.error, report.reliability_of_scores.error

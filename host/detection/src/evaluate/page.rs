@@ -50,18 +50,19 @@ fn escaped(text: &str) -> String {
 
 fn overview(page: &mut String, parts: &[(Part, PartReport)]) -> std::fmt::Result {
     page.push_str(
-        "<table><tr><th>part<th>pictures<th>objects<th>mAP50<th>mAP50:95<th>people found (as any human class)<th>calibration error</tr>\n",
+        "<table><tr><th>part<th>pictures<th>objects<th>mAP50<th>mAP50:95<th>people found (as any human class)<th>alarms with a person there<th>calibration error</tr>\n",
     );
     for (_, report) in parts {
         writeln!(
             page,
-            "<tr><td><a href=\"#{0}\">{0}</a><td>{1}<td>{2}<td>{3:.3}<td>{4:.3}<td class=\"human\">{5}<td>{6:.3}</tr>",
+            "<tr><td><a href=\"#{0}\">{0}</a><td>{1}<td>{2}<td>{3:.3}<td>{4:.3}<td class=\"human\">{5}<td>{6}<td>{7:.3}</tr>",
             escaped(&report.part),
             report.pictures,
             report.objects,
             report.coco.ap50,
             report.coco.ap,
             report.people.as_a_person,
+            report.people.alarms_right,
             report.reliability.error,
         )?;
     }
