@@ -27,12 +27,12 @@ use crate::vision::RigDeviation;
 #[derive(Debug, thiserror::Error)]
 pub enum RigFileError {
     /// The file could not be read.
-    #[error("{}: cannot read the rig file: {source}", path.display())]
+    #[error("{}: cannot read the rig file: {reason}; `nearfield calibrate rig` writes one", path.display())]
     Read {
         /// The file.
         path: PathBuf,
         /// What the system said.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     /// The text is not TOML.
     #[error("{}: not a TOML file: {message}", path.display())]
@@ -60,7 +60,7 @@ pub enum RigFileError {
 /// See [`RigFileError`]; the message names file, field and remedy.
 pub fn load(path: &Path) -> Result<Rig, RigFileError> {
     let text = std::fs::read_to_string(path)
-        .map_err(|source| RigFileError::Read { path: path.to_path_buf(), source })?;
+        .map_err(|reason| RigFileError::Read { path: path.to_path_buf(), reason })?;
     parse(&text, path)
 }
 
@@ -84,7 +84,7 @@ pub fn parse(text: &str, path: &Path) -> Result<Rig, RigFileError> {
 /// See [`RigFileError`].
 pub fn load_deviation(path: &Path) -> Result<Option<RigDeviation>, RigFileError> {
     let text = std::fs::read_to_string(path)
-        .map_err(|source| RigFileError::Read { path: path.to_path_buf(), source })?;
+        .map_err(|reason| RigFileError::Read { path: path.to_path_buf(), reason })?;
     let table = table_of(&text, path)?;
     let Some(heights) = table.get(UNCERTAINTY).and_then(|section| section.get("heights_mm")) else {
         return Ok(None);

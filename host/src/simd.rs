@@ -31,3 +31,33 @@ impl<K: Kernel> WithSimd for Dispatched<K> {
 pub fn run<K: Kernel>(kernel: K) -> K::Output {
     Arch::new().dispatch(Dispatched(kernel))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Sum<'a>(&'a [f32]);
+
+    impl Kernel for Sum<'_> {
+        type Output = f32;
+
+        #[inline(always)]
+        fn run(self) -> f32 {
+            self.0.iter().fold(0.0, |sum, value| sum + value * 0.1)
+        }
+    }
+
+    /// Pictures are judged alike on every computer.
+    #[test]
+    fn whatever_the_instructions_the_result_is_that_of_the_plain_loop() {
+        let values: Vec<f32> = (0_i16..1001).map(|value| f32::from(value).sqrt()).collect();
+        assert_eq!(run(Sum(&values)).to_bits(), Sum(&values).run().to_bits());
+    }
+
+    /// Where this crate's tests run on the Pi's processor, they test the vector instructions that the Pi has.
+    #[cfg(target_arch = "aarch64")]
+    #[test]
+    fn on_the_pis_processor_kernels_run_in_neon() {
+        assert!(matches!(Arch::new(), Arch::Neon(_)));
+    }
+}

@@ -2,8 +2,10 @@
 //! it is still reported.
 #![allow(clippy::unwrap_used)]
 
+mod program;
+
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 fn pictures() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/pictures")
@@ -37,7 +39,7 @@ impl Drop for Scratch {
 }
 
 fn nearfield(arguments: &[&Path]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_nearfield")).args(arguments).output().unwrap()
+    program::nearfield().args(arguments).output().unwrap()
 }
 
 fn inspect(rig: &Path, image: &Path) -> Output {
@@ -172,7 +174,7 @@ fn arguments_that_make_no_sense_are_refused() {
 #[test]
 fn a_reader_that_goes_away_is_no_panic() {
     use std::io::Read as _;
-    let mut child = Command::new(env!("CARGO_BIN_EXE_nearfield"))
+    let mut child = program::nearfield()
         .args(["evaluate-scenes", "--json"])
         .arg(pictures())
         .stdout(std::process::Stdio::piped())

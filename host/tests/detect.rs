@@ -1,11 +1,13 @@
 //! The commands `nearfield detect` and `nearfield evaluate` as a program sees them.
 #![allow(clippy::unwrap_used, reason = "the helpers of tests may fail them")]
 
+mod program;
+
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 fn nearfield(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_nearfield")).args(arguments).output().unwrap()
+    program::nearfield().args(arguments).output().unwrap()
 }
 
 fn lines(output: &Output) -> Vec<serde_json::Value> {

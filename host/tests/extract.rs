@@ -1,8 +1,10 @@
 //! The command `nearfield extract` as a program sees it.
 #![allow(clippy::unwrap_used, reason = "the helpers of tests may fail them")]
 
+mod program;
+
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 /// A grey picture with a red line of light from side to side.
 fn picture(directory: &Path) -> PathBuf {
@@ -18,8 +20,7 @@ fn picture(directory: &Path) -> PathBuf {
 }
 
 fn extract(arguments: &[&Path]) -> Output {
-    let program = env!("CARGO_BIN_EXE_nearfield");
-    Command::new(program).args(["extract", "--json"]).args(arguments).output().unwrap()
+    program::nearfield().args(["extract", "--json"]).args(arguments).output().unwrap()
 }
 
 #[test]

@@ -2,12 +2,13 @@
 //! operator's guide, typed as it stands there, must give what it shows.
 #![allow(clippy::unwrap_used, reason = "the helpers of tests may fail them")]
 
+mod program;
+
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 fn nearfield(directory: &Path, arguments: &str) -> Output {
-    let program = env!("CARGO_BIN_EXE_nearfield");
-    Command::new(program).current_dir(directory).args(words(directory, arguments)).output().unwrap()
+    program::nearfield().current_dir(directory).args(words(directory, arguments)).output().unwrap()
 }
 
 /// A command line as a shell takes it apart, as far as the guide needs: double quotes, and one `*` in a file's name.

@@ -1,8 +1,10 @@
 //! `nearfield commission` with the twin: what it writes, and that it fails for what must not be released.
 #![allow(clippy::unwrap_used)]
 
+mod program;
+
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 /// A robot whose speed the stripe's distance permits, or not.
 fn robot(speed_mm_s: u32) -> tempfile::TempDir {
@@ -15,7 +17,7 @@ fn robot(speed_mm_s: u32) -> tempfile::TempDir {
 }
 
 fn commission(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_nearfield"))
+    program::nearfield()
         .arg("commission")
         .arg("--config")
         .arg(folder.join("nearfield.toml"))

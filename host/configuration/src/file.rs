@@ -16,6 +16,8 @@ use crate::sections::{
 pub struct Configuration {
     /// The rig's file.
     pub rig: PathBuf,
+    /// Whether the configuration names it. If not, `rig` is the usual place; with the twin and a simulated controller there need be none.
+    pub rig_is_named: bool,
     /// What is used for the decision.
     pub profile: Profile,
     /// Which module this is.
@@ -121,7 +123,9 @@ impl Configuration {
     }
 
     fn of(root: &Section<'_>) -> Self {
-        let rig = root.path("rig").unwrap_or_else(|| PathBuf::from("rig.toml"));
+        let rig = root.path("rig");
+        let rig_is_named = rig.is_some();
+        let rig = rig.unwrap_or_else(|| PathBuf::from("rig.toml"));
         let profile = root.choice(
             "profile",
             Profile::Height,
@@ -141,6 +145,7 @@ impl Configuration {
         let module = sections::module(&root.section("module"));
         let configuration = Self {
             rig,
+            rig_is_named,
             profile,
             camera: sections::camera(&root.section("camera")),
             link: sections::link(&root.section("link")),

@@ -1,7 +1,7 @@
 //! The host's one configuration file, checked whole, and what follows from it.
 //!
 //! * [`read`](Configuration::read) takes the TOML text and names **every** error at once, each with its full name, its line's
-//!   value and what to do. Everything has a default that runs: an empty file is a valid one, but for the rig.
+//!   value and what to do. Everything has a default that runs: an empty file is a valid one.
 //! * [`Configuration::COMMENTED`] is the commented file with all defaults; a test holds it to the code.
 //! * [`budget`]: response time as a sum of named parts, stopping distance, permitted speed.
 //!

@@ -9,7 +9,7 @@ use nearfield_configuration::budget::{HostTimes, ResponseTime, permitted_speed, 
 use plotters::prelude::*;
 use serde::Serialize;
 
-use crate::rig_file;
+use crate::run::rig;
 
 /// The distance is too short for the robot's speed.
 const TOO_FAST: u8 = 1;
@@ -125,7 +125,7 @@ impl Budget {
         let response = ResponseTime::of(&configuration, &HostTimes::ASSUMED);
         let distance = match (self.distance, configuration.robot.distance_mm, &self.config) {
             (Some(distance), ..) | (None, Some(distance), _) => distance,
-            (None, None, Some(_)) => rig_file::load(&configuration.rig)?.stripe().point.y,
+            (None, None, Some(_)) => rig::of(&configuration)?.stripe().point.y,
             (None, None, None) => USUAL_DISTANCE_MM,
         };
         if !(1.0..=100_000.0).contains(&distance) {

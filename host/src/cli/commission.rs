@@ -14,9 +14,9 @@ use nearfield_shared::units::Micros;
 use super::mcu::McuChoice;
 use super::run::open_source;
 use crate::link::McuSession;
-use crate::rig_file;
 use crate::run::checks;
 use crate::run::commission::{Hands, Patience, Site};
+use crate::run::rig;
 use crate::run::source::TwinSource;
 use crate::run::supervised::Supervised;
 use crate::run::twin_hands::test_piece;
@@ -62,7 +62,7 @@ impl Commission {
             bail!("--piece {}: a test piece has 5 to 100 mm", self.piece);
         }
         let configuration = Configuration::load(&self.config)?;
-        let rig = rig_file::load(&configuration.rig)?;
+        let rig = rig::of(&configuration)?;
         let text = std::fs::read_to_string(&self.config).unwrap_or_default();
         let capability = crate::capability::measure(&rig, None)?;
         let mut protocol = checks::protocol(&configuration, &text, &rig, &capability, self.piece);

@@ -7,6 +7,8 @@ use clap::{Args, Subcommand};
 use nearfield_configuration::Configuration;
 use nearfield_fields::Fields;
 
+use crate::run::rig;
+
 /// Check or print the host's configuration file.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
@@ -40,13 +42,13 @@ impl ConfigArguments {
             Command::Print => say!("{}", Configuration::COMMENTED.trim_end()),
             Command::Check { file } => {
                 let configuration = Configuration::load(file)?;
-                let rig = crate::rig_file::load(&configuration.rig)?;
+                let rig = rig::of(&configuration)?;
                 Fields::check(&configuration, rig.stripe()).with_context(|| file.display().to_string())?;
                 say!(
                     "{}: sound; module {}, rig {} (calibration {:08x}), {} zones, {} cases",
                     file.display(),
                     configuration.module.name,
-                    configuration.rig.display(),
+                    rig::name(&configuration),
                     rig.calibration_id().get(),
                     configuration.zones.len(),
                     configuration.cases.len()

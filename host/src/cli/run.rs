@@ -22,9 +22,9 @@ use super::mcu::{McuChoice, cause_names, relay_name};
 use super::twin::load_scene;
 use crate::link::McuSession;
 use crate::link::board::Board;
-use crate::rig_file;
 use crate::run::journal::Journal;
 use crate::run::outlets::{self, Outlets, recording_folder};
+use crate::run::rig;
 use crate::run::runner::{Change, Pace, Runner, Said};
 use crate::run::source::{FolderSource, PipeSource, Source, TwinLoop, TwinSource};
 use crate::run::supervised::{Supervised, elsewhere};
@@ -118,7 +118,10 @@ impl Run {
     pub fn run(&self) -> anyhow::Result<u8> {
         let configuration = Configuration::load(&self.config)?;
         let text = std::fs::read_to_string(&self.config).unwrap_or_default();
-        let rig = rig_file::load(&configuration.rig)?;
+        let rig = rig::of(&configuration)?;
+        if rig::is_built_in(&configuration) {
+            eprintln!("{}: names no rig: {}", self.config.display(), rig::name(&configuration));
+        }
         self.check_sizes(&configuration.camera, &rig)?;
         Fields::check(&configuration, rig.stripe()).with_context(|| self.config.display().to_string())?;
         let stop = Arc::new(AtomicBool::new(false));

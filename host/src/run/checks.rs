@@ -10,6 +10,7 @@ use nearfield_operator::commission::Plan;
 use nearfield_shared::rig::Rig;
 
 use super::outlets::distance_of;
+use super::rig;
 use crate::capability::Capability;
 
 /// The protocol before the trials; `text` is the configuration's.
@@ -28,7 +29,7 @@ pub fn protocol(
         person: String::new(),
         equipment: equipment(configuration),
         on_hardware: is_on_hardware(configuration),
-        calibration: format!("{:08x}, {}", rig.calibration_id().get(), configuration.rig.display()),
+        calibration: format!("{:08x}, {}", rig.calibration_id().get(), rig::name(configuration)),
         sections: vec![
             Section { title: "Rig".to_owned(), checks: rig_checks(rig, capability, piece_mm) },
             Section { title: "Size and fields".to_owned(), checks: field_checks(configuration, rig) },

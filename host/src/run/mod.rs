@@ -25,6 +25,7 @@ pub mod mailbox;
 pub mod outlets;
 pub mod pictures;
 pub mod redecide;
+pub mod rig;
 pub mod row_clock;
 pub mod runner;
 pub mod semantics;

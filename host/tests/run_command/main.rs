@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used)]
 
 mod kills;
+#[path = "../program/mod.rs"]
+mod program;
 mod robot;
 mod zones;
 
@@ -23,6 +25,22 @@ fn over_clean_floor_the_robot_is_let_go_and_the_end_is_summed_up() {
     assert!(sum["latency_ms"]["p50"].as_f64().unwrap() > 0.0);
     assert_eq!(changes.first().unwrap()["relay"], "open");
     assert_eq!(changes.last().unwrap()["relay"], "closed", "{changes:?}");
+}
+
+/// Two commands, and it runs: the defaults need no rig file, and name what they take instead.
+#[test]
+fn the_printed_defaults_run_in_an_empty_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let printed = nearfield(&["config", "print"]);
+    // The defaults' port may be another run's.
+    let defaults = text(&printed.stdout).replace("127.0.0.1:8033", "127.0.0.1:0");
+    std::fs::write(folder.path().join("nearfield.toml"), defaults).unwrap();
+    let checked = nearfield(&["config", "check", &file(folder.path())]);
+    assert!(text(&checked.stdout).contains("the twin's own rig"), "{}", text(&checked.stderr));
+    let run = nearfield(&["run", "--config", &file(folder.path()), "--seconds", "3", "--fast", "--json"]);
+    assert_eq!(run.status.code(), Some(0), "{}", text(&run.stderr));
+    assert!(text(&run.stderr).contains("the twin's own rig"));
+    assert!(text(&run.stdout).contains("\"relay\":\"closed\""), "{}", text(&run.stdout));
 }
 
 #[test]

@@ -1,11 +1,13 @@
 //! A robot in a folder: configuration, rig, recordings, and the program that works with them.
 
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::program;
+
 pub fn nearfield(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_nearfield")).args(arguments).output().unwrap()
+    program::nearfield().args(arguments).output().unwrap()
 }
 
 pub fn text(bytes: &[u8]) -> String {
@@ -30,7 +32,7 @@ pub const SMALL: &str = "[page]\nlisten = \"127.0.0.1:0\"\n[camera]\nwidth = 576
 
 /// Starts a run that records, without waiting for its end.
 pub fn start(folder: &Path, arguments: &[&str]) -> Child {
-    Command::new(env!("CARGO_BIN_EXE_nearfield"))
+    program::nearfield()
         .args(["run", "--config", &file(folder), "--record", &recordings(folder)])
         .args(arguments)
         .stdin(Stdio::null())

@@ -7,6 +7,10 @@ use clap::Args;
 
 /// What is asked.
 #[derive(Debug, Args)]
+#[command(after_help = "\
+What is allowed, and what is excepted with its reason, stands in deny.toml. cargo-deny is installed from crates.io where it is
+missing, which takes some minutes. RustSec's database comes from GitHub by git; where that cannot be reached, name a mirror:
+git config --global url.MIRROR.insteadOf https://github.com/RustSec/advisory-db")]
 pub struct Options {
     /// Also known vulnerabilities: RustSec's database, which is downloaded
     #[arg(long)]
