@@ -11,11 +11,14 @@ mod beside_edges;
 mod clipped;
 mod elsewhere;
 mod pooled;
+mod prominent;
+mod readings;
 mod rim;
 mod scraps;
 mod slanted;
 mod straight;
 mod strip;
+mod unpainted;
 
 use rim::is_rim;
 use scraps::Halos;
@@ -55,6 +58,9 @@ const MOST_NOISE: f32 = 3.0;
 /// Variation below this is not believed (levels of the running mean): quantisation and compression hide it, and leave
 /// ripples of a few levels themselves.
 const LEAST_NOISE: f32 = 0.8;
+/// An edge pulls a ridge to the end of the tolerance; what is farther from the floor's row than this share of it tells nothing
+/// of its neighbours.
+const FREE_SHARE: f32 = 0.8;
 /// Columns that an edge may hide between two sure ones, millimetres.
 const HIDDEN_MM: f32 = 3.5;
 
@@ -101,8 +107,9 @@ impl FloorColumn {
     /// Surely lit at the floor's row, by itself or together with its neighbours, and no wider than `widest`: what is wider
     /// there is where a stripe on a thing climbs away.
     fn is_surely_floor(&self, place: &GridColumn, widest: f32) -> bool {
-        let by_itself = self.is_like_floor(place) && self.peak.is_some_and(|peak| peak.width <= widest);
-        by_itself || (self.pooled == Some(true) && self.is_at(place))
+        let Some(peak) = self.peak else { return false };
+        let is_free = (peak.row - place.floor_row).abs() < FREE_SHARE * place.tolerance;
+        is_free && (self.pooled == Some(true) || (self.is_like_floor(place) && peak.width <= widest))
     }
 
     /// Is its ridge at the floor's row?

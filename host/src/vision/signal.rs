@@ -228,9 +228,16 @@ impl<const PITCH: usize, const OFFSET: usize> Signal for RedChroma<'_, PITCH, OF
 
     fn tone(&self, column: usize, row: usize) -> i16 {
         let sample = self.red.row(row).get(PITCH * column + OFFSET);
-        let (Some(red), Some(luma)) = (sample, self.luma.row(2 * row).get(2 * column)) else { return 0 };
+        let pair = |row: usize| match self.luma.row(row).get(2 * column..2 * column + 2) {
+            Some([one, other]) => Some(i16::from(*one) + i16::from(*other)),
+            _ => None,
+        };
+        // The four that the chroma sample lies in the middle of: one of them alone is half a pixel off.
+        let (Some(red), Some(upper), Some(lower)) = (sample, pair(2 * row), pair(2 * row + 1)) else {
+            return 0;
+        };
         // Green without the (small) share of U.
-        i16::from(*luma) - (i16::from(*red) - 128) * 5 / 7
+        (upper + lower + 2) / 4 - (i16::from(*red) - 128) * 5 / 7
     }
 
     fn is_clipped(&self, column: usize, row: usize) -> bool {

@@ -89,6 +89,8 @@ pub(super) struct Pool {
     pub(super) strip: Strip,
     /// The edge of a paint that was looked for last.
     pub(super) edges: LastEdge,
+    /// Columns in which the stripe was seen beside an edge.
+    pub(super) seen: Vec<bool>,
     answers: Vec<Answer>,
     /// Answers at the stripe's row.
     heights: Vec<f32>,
@@ -104,6 +106,7 @@ impl Pool {
         Self {
             strip: Strip::new(columns),
             edges: LastEdge::NONE,
+            seen: vec![false; columns],
             answers: vec![Answer::default(); columns],
             heights: vec![0.0; columns],
             averages: vec![0.0; columns],
@@ -375,12 +378,18 @@ impl Pool {
         [if low.is_finite() { low.max(0.0) } else { 0.0 }, high]
     }
 
-    /// Standard deviation of averages where there is no stripe.
+    /// Standard deviation of averages where there is no stripe, on the quieter side: the edge of a paint that runs along the
+    /// stripe lies on one.
     fn variation(&mut self, grid: &Grid, index: usize) -> f32 {
         let range = self.around(grid, index, VARIATION_MM);
-        self.some.clear();
-        self.some.extend(self.voids[range].iter().flatten().map(|value| value.abs()));
-        deviation(&mut self.some).max(LEAST_VARIATION)
+        let mut quieter = f32::INFINITY;
+        for side in [0..VOIDS / 2, VOIDS / 2..VOIDS] {
+            self.some.clear();
+            let voids = self.voids[range.clone()].iter().flat_map(|voids| &voids[side.clone()]);
+            self.some.extend(voids.map(|value| value.abs()));
+            quieter = quieter.min(deviation(&mut self.some));
+        }
+        quieter.max(LEAST_VARIATION)
     }
 
     /// Standard deviation of the difference of the two sides' backgrounds on one surface.
