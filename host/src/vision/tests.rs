@@ -57,6 +57,16 @@ impl Drawing {
         }
     }
 
+    /// Makes the ground of a whole column brighter by so many levels (darker, if negative), in all colours.
+    pub fn brighten(&mut self, column: usize, levels: i16) {
+        let width = usize::from(self.rig.image().width);
+        for row in 0..usize::from(self.rig.image().height) {
+            for byte in &mut self.rgb[3 * (row * width + column)..][..3] {
+                *byte = (i16::from(*byte) + levels).clamp(0, 255) as u8;
+            }
+        }
+    }
+
     /// Draws in every column what `rows` says of it: rows, each with its strength.
     fn stripe(&mut self, rows: impl Fn(&PictureGeometry, &ColumnMap) -> Vec<(f32, f32)>) {
         for column in self.geometry.watched() {

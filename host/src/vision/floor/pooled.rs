@@ -17,6 +17,7 @@ use statistics::{deviation, vertex};
 use super::elsewhere::strongest_beside;
 use super::straight::LastEdge;
 use super::strip::Strip;
+use super::unpainted;
 use super::{FRINGE_SHARE, FloorColumn, FloorFinder, GONE_SHARE, SURE_CONTRAST, pitch};
 use crate::vision::grid::Grid;
 use crate::vision::peak::Peak;
@@ -35,6 +36,8 @@ const END_SHARE: f32 = 0.5;
 const GLOW_OF_SURE: f32 = 0.08;
 /// ... which is what the surely lit columns within this distance have on average, millimetres.
 const AROUND_MM: f32 = 120.0;
+/// Grounds that differ by no more than so many levels, in the laser's colour and brightness together, are the same.
+const SAME_GROUND: f32 = 25.0;
 /// What is less than this share of a ridge just beside is the foot of that ridge: of the stripe on a thing.
 const FOOT_SHARE: f32 = 0.2;
 /// Allowance for chance where answers are compared, in standard deviations of averages.
@@ -166,6 +169,29 @@ impl FloorFinder {
         if count > 0.0 { (self.scratch[last] - self.scratch[first]) / count } else { 0.0 }
     }
 
+    /// The same of those around that lie on the ground of this column; zero where there are none.
+    fn sure_on_this_ground<S: RowSearch>(&self, signal: S, grid: &Grid, index: usize) -> f32 {
+        let columns = (AROUND_MM / pitch(grid, index).max(0.05)) as usize;
+        let ground = |index: usize| {
+            let [above, below] = unpainted::grounds(signal, grid, index, grid.columns()[index].width);
+            [f32::midpoint(above[0], below[0]), f32::midpoint(above[1], below[1])]
+        };
+        let here = ground(index);
+        let (mut contrast, mut count) = (0.0, 0.0);
+        for other in index.saturating_sub(columns)..(index + columns + 1).min(self.columns.len()) {
+            // Running sums grow by one at every sure column.
+            let before = other.checked_sub(1).map_or(0.0, |before| self.pooled[before]);
+            if self.pooled[other] > before {
+                let there = ground(other);
+                if (there[0] - here[0]).hypot(there[1] - here[1]) <= SAME_GROUND {
+                    let first = other.checked_sub(1).map_or(0.0, |before| self.scratch[before]);
+                    (contrast, count) = (contrast + self.scratch[other] - first, count + 1.0);
+                }
+            }
+        }
+        if count > 0.0 { contrast / count } else { 0.0 }
+    }
+
     fn judge_weak<S: RowSearch>(&mut self, signal: S, grid: &Grid) {
         self.sum_up_sure();
         let mut of_averages = f32::INFINITY;
@@ -188,7 +214,11 @@ impl FloorFinder {
             let average = self.pool.capped_average(grid, index, MOST_OF_LEVEL * level.max(sure));
             let uneven = self.pool.answers[index].is_uneven;
             let beside = (END_SHARE * level).max(GONE_SHARE * highest);
-            let glow = GLOW_OF_SURE * self.sure_around(grid, index);
+            let mut glow = GLOW_OF_SURE * self.sure_around(grid, index);
+            if (sure.max(beside)..glow).contains(&average) {
+                // It hangs on what the stripe around is: on another ground it may be that much brighter.
+                glow = GLOW_OF_SURE * self.sure_on_this_ground(signal, grid, index);
+            }
             let least = sure.max(beside).max(glow);
             let lit = average >= least
                 && self.pool.is_narrow(grid, index, average, of_averages)

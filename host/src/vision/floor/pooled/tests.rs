@@ -49,3 +49,40 @@ fn a_faint_glow_is_no_stripe() {
     let glow = seen(&drawing(12.0, 12.0, |_| true));
     assert!(glow < 0.2, "{glow}");
 }
+
+/// Share of the columns with a reading within 50 mm of the middle, of a bright stripe that is dim there: as dim as what a
+/// thing throws on the floor, on a ground that is so many levels darker.
+fn seen_of_a_dim_stretch(darker: i16) -> f32 {
+    let mut drawing = Drawing::new(CENTRE.rig().unwrap());
+    drawing.add_noise(2.0);
+    for column in drawing.geometry.watched() {
+        let map = drawing.geometry.map(column).unwrap();
+        let (row, place) = (map.floor_row, map.floor_place);
+        let is_dim = place.abs() < 60.0;
+        if is_dim {
+            drawing.brighten(column, -darker);
+        }
+        drawing.light_of_width(column, row, if is_dim { 8.0 } else { 150.0 }, 1.6);
+    }
+    let analyser = drawing.judged();
+    let inside = |column: &usize| drawing.geometry.map(*column).unwrap().floor_place.abs() < 50.0;
+    let readings =
+        drawing.geometry.watched().filter(inside).map(|column| analyser.extractor().readings()[column]);
+    let (mut lit, mut count) = (0.0, 0.0);
+    for reading in readings {
+        lit += f32::from(u8::from(!reading.row.is_nan()));
+        count += 1.0;
+    }
+    lit / count
+}
+
+/// On the ground of the bright stripe it is a thing's glow; on another ground the stripe itself may be that dim.
+#[test]
+fn a_dim_stretch_is_a_glow_on_the_same_ground_and_a_stripe_on_another() {
+    for darker in [0, 8] {
+        let share = seen_of_a_dim_stretch(darker);
+        assert!(share < 0.1, "{darker} levels darker: {share}");
+    }
+    let share = seen_of_a_dim_stretch(40);
+    assert!(share > 0.9, "{share}");
+}
