@@ -99,6 +99,40 @@ fn on_thing(geometry: &PictureGeometry, map: &ColumnMap) -> Option<f32> {
     (geometry.ray_place(map, row).abs() <= 30.0).then_some(row)
 }
 
+/// A red paint below the stripe, its edge so many rows from it, and a stripe that is so many millimetres high where rays do
+/// not reach the floor.
+fn beside_a_paint(rows: f32, height: f32) -> Drawing {
+    let mut drawing = Drawing::new(CENTRE.rig().unwrap());
+    let (columns, end) = (usize::from(drawing.rig.image().width), usize::from(drawing.rig.image().height));
+    drawing.stripe(|_, map| {
+        let row = if is_on_floor(map) { map.floor_row } else { map.row(height) };
+        vec![(row, 100.0)]
+    });
+    for column in drawing.geometry.watched() {
+        let edge = drawing.geometry.map(column).unwrap().floor_row + rows;
+        for row in edge.round() as usize..end {
+            let red = &mut drawing.rgb[3 * (row * columns + column)];
+            *red = red.saturating_add(60);
+        }
+    }
+    drawing
+}
+
+/// The edge of a paint excuses much, but not that the stripe lies off the floor by more than the tolerance.
+#[test]
+fn beside_a_paint_the_floors_stripe_is_whole_and_one_on_a_plate_is_cut() {
+    for rows in [7.0, 9.0, 12.0] {
+        assert!(
+            !beside_a_paint(rows, 0.0).judged().report().is_cut(),
+            "edge {rows} rows from the floor's stripe"
+        );
+        assert!(
+            beside_a_paint(rows, 2.4).judged().report().is_cut(),
+            "edge {rows} rows from the floor's stripe"
+        );
+    }
+}
+
 #[test]
 fn an_object_has_the_height_of_the_line_on_it() {
     let mut drawing = Drawing::new(CENTRE.rig().unwrap());

@@ -18,8 +18,6 @@ const ALIKE_SHARE: f32 = 0.5;
 const DARKER_SHARE: f32 = 0.1;
 /// No less can be told from quantisation and compression, levels.
 const LEAST_HEIGHT: f32 = SURE_CONTRAST * LEAST_NOISE;
-/// An edge within the stripe's own rows pulls the middle of what is seen of it by up to so many rows.
-const PULLED_ROWS: f32 = 0.5;
 /// A stripe is looked for so many rows farther than it may lie, so that one on a thing is seen where it is.
 const BEYOND_ROWS: f32 = 1.0;
 /// Another ridge beside, of more than this share of the one at the floor's row: it may be the stripe, on a thing.
@@ -134,7 +132,7 @@ impl FloorFinder {
         let aside = prominent::COLUMNS_ASIDE;
         self.pool.strip.fill(signal, grid, index.saturating_sub(aside)..index + aside + 1);
         let Some(crest) = prominent::read(&self.pool.strip, grid, index, doubt.width()) else { return false };
-        let farthest = (doubt.place.tolerance + PULLED_ROWS).min(LIKE_ROWS);
+        let farthest = doubt.place.tolerance.min(LIKE_ROWS);
         let heights = (DARKER_SHARE * like.contrast).max(LEAST_HEIGHT)..=LIKE_RANGE * like.most;
         let is_one = heights.contains(&crest.height)
             && crest.offset.abs() <= farthest
@@ -156,7 +154,7 @@ impl FloorFinder {
         beside: f32,
     ) -> bool {
         let like = &doubt.like;
-        let farthest = (doubt.place.tolerance + PULLED_ROWS).min(LIKE_ROWS);
+        let farthest = doubt.place.tolerance.min(LIKE_ROWS);
         let read = unpainted::read(signal, grid, doubt.index, doubt.width(), farthest + BEYOND_ROWS);
         let Some(ridge) = read else { return false };
         let is_one = ridge.height >= (ALIKE_SHARE * like.contrast).max(LEAST_HEIGHT)
