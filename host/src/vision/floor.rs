@@ -112,6 +112,11 @@ impl FloorColumn {
         is_free && (self.pooled == Some(true) || (self.is_like_floor(place) && peak.width <= widest))
     }
 
+    /// Does anything stand out? What an edge leaves of a faint stripe may be less than sure by itself.
+    fn has_something(&self) -> bool {
+        self.rise >= BETWEEN_CONTRAST * self.noise || self.fringe.is_some()
+    }
+
     /// Is its ridge at the floor's row?
     fn is_at(&self, place: &GridColumn) -> bool {
         self.peak.is_some_and(|peak| (peak.row - place.floor_row).abs() <= place.tolerance)
@@ -194,12 +199,25 @@ fn pool(values: &[f32], pooled: &mut [f32]) {
     }
 }
 
+/// The greatest of the values within [`SPREAD_COLUMNS`] on both sides, none of which is negative.
+fn strongest_around(values: &[f32], strongest: &mut [f32]) {
+    strongest.copy_from_slice(values);
+    // Shifted copies, one after the other: loops that become vectors, unlike a fold over a window.
+    for shift in 1..=SPREAD_COLUMNS.min(values.len()) {
+        let behind = strongest[shift..].iter_mut().zip(values);
+        behind.for_each(|(most, value)| *most = if *value > *most { *value } else { *most });
+        let ahead = strongest.iter_mut().zip(&values[shift..]);
+        ahead.for_each(|(most, value)| *most = if *value > *most { *value } else { *most });
+    }
+}
+
 /// Finds the floor's stripe in all columns of a grid; owns its memory.
 #[derive(Debug, Clone)]
 pub struct FloorFinder {
     columns: Vec<FloorColumn>,
     scratch: Vec<f32>,
     pooled: Vec<f32>,
+    strongest: Vec<f32>,
     usual: UsualStripe,
     bench: Bench,
     edges: EdgeModel,
@@ -228,6 +246,7 @@ impl FloorFinder {
             columns: vec![FloorColumn::UNKNOWN; count],
             scratch: vec![0.0; count],
             pooled: vec![0.0; count],
+            strongest: vec![0.0; count],
             usual: UsualStripe::UNKNOWN,
             bench: Bench::default(),
             edges: EdgeModel::new(),
@@ -292,10 +311,9 @@ impl FloorFinder {
             *contrast = column.contrast();
         }
         let halos = Halos::of(&self.scratch);
+        strongest_around(&self.scratch, &mut self.strongest);
         for (index, column) in self.columns.iter_mut().enumerate() {
-            let end = (index + SPREAD_COLUMNS + 1).min(self.scratch.len());
-            let around = &self.scratch[index.saturating_sub(SPREAD_COLUMNS)..end];
-            let strongest = around.iter().copied().fold(0.0, f32::max);
+            let strongest = self.strongest[index];
             let glow = column.peak.is_none_or(|peak| {
                 peak.width > GLOW_WIDTH * usual.width && peak.contrast < GLOW_SHARE * usual.contrast
             });
@@ -410,6 +428,26 @@ impl FloorFinder {
             let offset = moment / weight;
             column.lit &= weight > 0.0 && offset.abs() <= place.tolerance;
             column.row = if column.lit { place.floor_row + offset } else { f32::NAN };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_strongest_around_is_that_of_the_window() {
+        for count in 0..12_usize {
+            let values: Vec<f32> = (0..count).map(|index| (index * 7 % 11) as f32).collect();
+            let mut strongest = vec![0.0; count];
+            strongest_around(&values, &mut strongest);
+            for (index, most) in strongest.iter().enumerate() {
+                let window =
+                    &values[index.saturating_sub(SPREAD_COLUMNS)..(index + SPREAD_COLUMNS + 1).min(count)];
+                let expected = window.iter().copied().fold(0.0, f32::max);
+                assert!((most - expected).abs() < f32::EPSILON, "{index} of {count}");
+            }
         }
     }
 }

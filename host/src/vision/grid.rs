@@ -18,6 +18,8 @@ pub type PictureGeometry = StripeGeometry<MOST_COLUMNS>;
 pub struct GridColumn {
     /// Row of the stripe on the floor.
     pub floor_row: f32,
+    /// The whole row nearest to it.
+    pub nearest_row: isize,
     /// Place of that point along the stripe, millimetres.
     pub place: f32,
     /// Rows that the stripe may be off and still be floor.
@@ -128,6 +130,7 @@ impl GridColumn {
         let edges = [edge(DEEPEST_MAPPED.get()), edge(HIGHEST_MAPPED.get())];
         Self {
             floor_row,
+            nearest_row: floor_row.round() as isize,
             place: mean(|map| map.floor_place),
             tolerance: FLOOR_TOLERANCE.get() / per_row / scale,
             width,

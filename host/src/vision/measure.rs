@@ -55,7 +55,7 @@ fn has_room(place: &GridColumn, rows: usize, kernel: Kernel, reach: usize) -> bo
 }
 
 fn peak_of(ridge: Ridge, place: &GridColumn) -> Peak {
-    let row = place.floor_row.round() + ridge.offset;
+    let row = place.nearest_row as f32 + ridge.offset;
     Peak { row, contrast: ridge.contrast, rise: ridge.rise, width: ridge.width }
 }
 
@@ -168,11 +168,10 @@ impl<S: RowSearch, const LANES: usize> simd::Kernel for Gather<'_, S, LANES> {
         let last = signal.rows().saturating_sub(1) as isize;
         let rows = rows.min(MOST_ROWS_ASIDE) as isize;
         let places = &grid.columns()[first..first + count];
-        let same_row =
-            |one: &GridColumn, other: &GridColumn| one.floor_row.round() == other.floor_row.round();
+        let same_row = |one: &GridColumn, other: &GridColumn| one.nearest_row == other.nearest_row;
         let mut lane = 0;
         for run in places.chunk_by(same_row) {
-            let middle = run[0].floor_row.round() as isize;
+            let middle = run[0].nearest_row;
             for row in -rows..=rows {
                 let values = &mut block.row_mut(row)[lane..lane + run.len()];
                 signal.copy((middle + row).clamp(0, last) as usize, grid.first() + first + lane, values);
@@ -185,7 +184,7 @@ impl<S: RowSearch, const LANES: usize> simd::Kernel for Gather<'_, S, LANES> {
 /// Gives the clipped core of a stripe the strength of its rims.
 fn fill_hollows<S: RowSearch>(block: &mut Block<1>, signal: S, grid: &Grid, index: usize, near: usize) {
     let Some(place) = grid.columns().get(index) else { return };
-    let middle = place.floor_row.round() as isize;
+    let middle = place.nearest_row;
     let near = near as isize;
     let mut samples = [0_i16; 2 * MOST_ROWS_ASIDE + 1];
     let samples = &mut samples[..2 * near as usize + 1];
@@ -208,7 +207,7 @@ pub fn explained_rows<S: RowSearch>(
     index: usize,
 ) -> Option<[f32; 2 * EXPLAINED_ROWS + 1]> {
     let place = grid.columns().get(index)?;
-    let first = (place.floor_row.round().max(0.0) as usize).checked_sub(EXPLAINED_ROWS)?;
+    let first = usize::try_from(place.nearest_row).unwrap_or(0).checked_sub(EXPLAINED_ROWS)?;
     if first + 2 * EXPLAINED_ROWS >= signal.rows() {
         return None;
     }

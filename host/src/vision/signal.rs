@@ -240,9 +240,14 @@ impl<const PITCH: usize, const OFFSET: usize> Signal for RedChroma<'_, PITCH, OF
         (upper + lower + 2) / 4 - (i16::from(*red) - 128) * 5 / 7
     }
 
+    #[inline]
     fn is_clipped(&self, column: usize, row: usize) -> bool {
-        let sample = self.red.row(row).get(PITCH * column + OFFSET);
-        let (Some(red), Some(luma)) = (sample, self.luma.row(2 * row).get(2 * column)) else { return false };
+        if row >= self.rows() {
+            return false;
+        }
+        let sample = self.red.bytes().get(row * self.red.stride() + PITCH * column + OFFSET);
+        let luma = self.luma.bytes().get(2 * row * self.luma.stride() + 2 * column);
+        let (Some(red), Some(luma)) = (sample, luma) else { return false };
         i16::from(*luma) + (i16::from(*red) - 128) * 7 / 5 >= CLIPPED
     }
 

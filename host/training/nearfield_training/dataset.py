@@ -15,6 +15,8 @@ OTHER = "other"
 LEAST_VISIBLE = 0.35
 # Nothing smaller can be learnt at a stride of 8, pixels.
 LEAST_SIDE = 5
+# So many inputs are turned by quarters: a camera sees floors the right way up, but things lie in all directions.
+QUARTER_TURNS = 0.4
 
 
 @dataclasses.dataclass
@@ -117,11 +119,12 @@ class Augmentation:
         sample = self.samples[index]
         share = numpy.exp(random.uniform(numpy.log(smallest), numpy.log(largest)))
         scale = share * self.side / max(sample.picture.shape[:2])
-        return turned(resized(sample, scale), int(random.integers(4)), bool(random.integers(2)))
+        quarters = int(random.integers(4)) if random.random() < QUARTER_TURNS else 0
+        return turned(resized(sample, scale), quarters, bool(random.integers(2)))
 
     def single(self, index: int) -> Sample:
         """One picture, shrunk with grey around it or enlarged and cropped."""
-        sample = self._prepared(index, 0.6, 1.6)
+        sample = self._prepared(index, 0.7, 1.6)
         rows, columns = sample.picture.shape[:2]
         side = self.side
         canvas = numpy.full((side, side, 3), FILLING, numpy.uint8)
@@ -137,7 +140,7 @@ class Augmentation:
         chosen = [index, *random.integers(len(self.samples), size=3)]
         boxes = []
         for area, choice in zip(areas, chosen):
-            sample = self._prepared(int(choice), 0.5, 1.4)
+            sample = self._prepared(int(choice), 0.6, 1.4)
             rows, columns = sample.picture.shape[:2]
             width, height = area[2] - area[0], area[3] - area[1]
             # Any part of a large picture, any place for a small one.

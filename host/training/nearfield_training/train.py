@@ -15,6 +15,7 @@ from torch.utils.data import DataLoader, Dataset
 from tqdm import tqdm
 
 from .dataset import Augmentation, Sample, class_names, read_coco
+from .from_onnx import take
 from .loss import detection_loss
 from .network import SCALES, Yolo
 from .validate import mean_average_precision
@@ -27,6 +28,8 @@ LAST_SHARE = 0.02
 BACKBONE_SHARE = 0.3
 # In the last part of the training pictures are whole again, as they will be in use.
 WITHOUT_MOSAIC = 0.25
+# So many inputs tell the statistics of an exported network's features.
+MEASURED, BATCH = 512, 16
 
 
 def keep_memory() -> None:
@@ -67,6 +70,11 @@ def collate(batch: list[tuple[numpy.ndarray, numpy.ndarray]]) -> tuple[torch.Ten
     return torch.from_numpy(pictures), torch.from_numpy(numpy.concatenate(targets))
 
 
+def as_input(pictures: torch.Tensor) -> torch.Tensor:
+    """From a batch's bytes, which lie as channels-last already, to what the network reads."""
+    return pictures.permute(0, 3, 1, 2).float().div_(255)
+
+
 class MovingAverage:
     """Weights averaged over the last steps; they are what is kept in the end."""
 
@@ -99,10 +107,11 @@ class Run:
         self.optimiser = torch.optim.AdamW(_groups(self.network), lr=options.rate, betas=(0.9, 0.99), fused=True)
         self.average = MovingAverage(self.network)
         self.epoch, self.step, self.best, self.seconds = 0, 0, -1.0, 0.0
+        self.start_from: pathlib.Path | None = None
         if (self.out / "last.pt").exists() and not options.fresh:
             self._resume()
         elif options.start_from:
-            self._start_from(options.start_from)
+            self.start_from = options.start_from
         elif self.network.backbone is not None:
             self.network.backbone.take_published_weights()
             self.average = MovingAverage(self.network)
@@ -119,8 +128,15 @@ class Run:
         self.epoch, self.best, self.seconds = state["epoch"], state["best"], state["seconds"]
         print(f"going on after epoch {self.epoch} of {self.out}/last.pt")
 
-    def _start_from(self, path: pathlib.Path) -> None:
-        """Takes all weights that fit, from a network of other classes too."""
+    def _take_weights(self, path: pathlib.Path, train: list[Sample]) -> None:
+        """Takes all weights that fit from a checkpoint, of other classes too; or everything from an exported network."""
+        if path.suffix == ".onnx":
+            inputs = Inputs(train, self.options.side, self.options.mosaic, self.options.seed, 0)
+            batches = (range(first, min(first + BATCH, len(inputs))) for first in range(0, min(len(inputs), MEASURED), BATCH))
+            take(self.network, path, (as_input(collate([inputs[index] for index in batch])[0]) for batch in batches))
+            self.average = MovingAverage(self.network)
+            print(f"all weights taken from {path}")
+            return
         state, own = torch.load(path, weights_only=True)["average"], self.network.state_dict()
         fitting = {name: value for name, value in state.items() if name in own and value.shape == own[name].shape}
         self.network.load_state_dict(fitting, strict=False)
@@ -153,6 +169,8 @@ class Run:
         train = read_coco(options.data / "train", self.names, options.limit)
         validation = read_coco(options.data / "val", self.names, options.validate)
         print(f"{len(train)} pictures to learn from, {len(validation)} to validate, {len(self.names)} classes")
+        if self.start_from:
+            self._take_weights(self.start_from, train)
         self.steps_in_all = len(train) // options.batch * options.epochs
         while self.epoch < options.epochs and self.progress() < 1:
             losses = self._one_epoch(train)
@@ -204,8 +222,7 @@ class Run:
         rate *= LAST_SHARE + (1 - LAST_SHARE) * 0.5 * (1 + math.cos(math.pi * self.progress()))
         for group in self.optimiser.param_groups:
             group["lr"] = rate * group["share"]
-        # A picture's bytes lie as channels-last already.
-        inputs = pictures.permute(0, 3, 1, 2).float().div_(255)
+        inputs = as_input(pictures)
         with torch.autocast("cpu", dtype=torch.bfloat16):
             outputs = self.network(inputs)
         loss, parts = detection_loss(self.network, outputs, targets)
@@ -253,7 +270,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", type=int, default=0, help="processes that prepare inputs")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--fresh", action="store_true", help="begin anew although there are checkpoints")
-    parser.add_argument("--start-from", type=pathlib.Path, help="weights (best.pt) to begin with")
+    parser.add_argument("--start-from", type=pathlib.Path, help="weights to begin with: a best.pt, or an ONNX file of `export`")
 
 
 def run(options: argparse.Namespace) -> None:

@@ -13,6 +13,7 @@ import torch
 from nearfield_training import calibration_set, cut, export, toy, train
 from nearfield_training.dataset import read_coco
 from nearfield_training.network import Yolo
+from nearfield_training.predict import letterbox
 
 SIDE = 64
 NAMES = ["bolt", "hand", "other"]
@@ -182,3 +183,30 @@ def test_training_begins_with_other_weights_and_ends_when_its_time_is_up(data, t
     own = len(Yolo("n", len(toy.NAMES)).state_dict())
     assert f"{own} of {own} tensors taken from" in said
     assert len((tmp_path / "two" / "log.jsonl").read_text().splitlines()) == 1
+
+
+def test_training_begins_with_an_exported_network(exported, data, tmp_path, capsys):
+    """What `export` wrote computes the same after the way back, and learns on: its normalisations have the right statistics."""
+    scale, folder = exported
+    options = ["--data", data, "--side", SIDE, "--batch", "4", "--mosaic", "0", "--scale", scale, "--epochs", "1"]
+    begun = train.Run(options_of(train, *options, "--out", tmp_path / "run", "--start-from", folder / "detector.onnx"))
+    begun._take_weights(begun.start_from, read_coco(data / "train", begun.names))
+    network = begun.network.eval()
+    network.decoded = True
+    planes = torch.from_numpy(letterbox(read_coco(data / "val", NAMES)[0].picture, SIDE)[0])[None]
+    session = onnxruntime.InferenceSession(str(folder / "detector.onnx"))
+    expected = session.run(None, {"picture": planes.numpy()})[0]
+    with torch.no_grad():
+        found = network(planes).numpy()
+    assert numpy.allclose(found, expected, rtol=1e-3, atol=2e-2)
+    network.decoded = False
+    train.run(options_of(train, *options, "--out", tmp_path / "run", "--start-from", folder / "detector.onnx"))
+    assert "all weights taken from" in capsys.readouterr().out
+    assert (tmp_path / "run" / "best.pt").exists()
+
+
+def test_a_network_of_other_classes_is_refused_by_name(exported, data, tmp_path):
+    scale, folder = exported
+    options = ["--data", data, "--side", SIDE, "--scale", scale, "--classes", "square", "--out", tmp_path / "run"]
+    with pytest.raises(SystemExit, match="heads.0.weight.*--classes"):
+        train.run(options_of(train, *options, "--start-from", folder / "detector.onnx"))

@@ -3,7 +3,7 @@
 //! The walk along the stripe, from both ends: which columns are in doubt, and what their neighbours make expected of them. How
 //! a column in doubt is then looked at stands in [`super::readings`].
 
-use super::{BETWEEN_CONTRAST, FloorColumn, FloorFinder, GLOW_WIDTH};
+use super::{FloorColumn, FloorFinder, GLOW_WIDTH};
 use crate::vision::grid::{Grid, GridColumn};
 use crate::vision::peak::Peak;
 use crate::vision::signal::RowSearch;
@@ -100,6 +100,15 @@ impl FloorFinder {
     /// Explains the columns in which the edge of a paint may hide the stripe: from both ends, because an edge may run along
     /// the stripe for long, and each column in which the stripe is seen tells the next one what to look for.
     pub(super) fn explain_edges<S: RowSearch>(&mut self, signal: S, grid: &Grid) {
+        let widest = GLOW_WIDTH * self.usual.width;
+        let in_question = self
+            .columns
+            .iter()
+            .zip(grid.columns())
+            .any(|(column, place)| column.has_something() && !column.is_surely_floor(place, widest));
+        if !in_question {
+            return;
+        }
         let mut left = MOST_EXPLAINED;
         self.pool.seen.fill(false);
         for reversed in [false, true] {
@@ -126,8 +135,7 @@ impl FloorFinder {
                 continue;
             }
             let column = &self.columns[index];
-            // What an edge leaves of a faint stripe may be less than sure by itself.
-            if column.rise < BETWEEN_CONTRAST * column.noise && column.fringe.is_none() {
+            if !column.has_something() {
                 continue;
             }
             ahead = ahead.max(step + 1);

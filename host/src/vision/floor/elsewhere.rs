@@ -45,8 +45,15 @@ mod tests {
 
     fn beside(level: impl Fn(usize) -> u8) -> f32 {
         let bytes: Vec<u8> = (0..60).map(level).collect();
-        let place =
-            GridColumn { floor_row: 30.0, place: 0.0, tolerance: 2.0, width: 3.0, first_row: 0, end_row: 60 };
+        let place = GridColumn {
+            floor_row: 30.0,
+            nearest_row: 30,
+            place: 0.0,
+            tolerance: 2.0,
+            width: 3.0,
+            first_row: 0,
+            end_row: 60,
+        };
         strongest_beside(Brightness(Plane::new(&bytes, 1, 1, 60).unwrap()), 0, &place)
     }
 

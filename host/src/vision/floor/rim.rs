@@ -75,8 +75,15 @@ mod tests {
     fn looks_like_a_rim(red: impl Fn(usize) -> u8, green: impl Fn(usize) -> u8, row: f32) -> bool {
         let bytes: Vec<u8> = (0..60).flat_map(|row| [red(row), green(row), 20]).collect();
         let peak = Peak { row, contrast: 60.0, rise: 60.0, width: 4.0 };
-        let place =
-            GridColumn { floor_row: row, place: 0.0, tolerance: 2.0, width: 3.5, first_row: 0, end_row: 60 };
+        let place = GridColumn {
+            floor_row: row,
+            nearest_row: row.round() as isize,
+            place: 0.0,
+            tolerance: 2.0,
+            width: 3.5,
+            first_row: 0,
+            end_row: 60,
+        };
         is_rim(RedMinusGreen(Plane::new(&bytes, 3, 3, 60).unwrap()), 0, &peak, &place)
     }
 

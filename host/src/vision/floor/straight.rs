@@ -111,7 +111,7 @@ struct Window<'a> {
 
 impl Window<'_> {
     fn base(&self, column: usize) -> isize {
-        self.grid.columns()[column].floor_row.round() as isize
+        self.grid.columns()[column].nearest_row
     }
 
     /// The sample at a row of the picture, if it lies beside the stripe.

@@ -58,10 +58,8 @@ impl Strip {
         let end = (first + BLOCK).min(self.columns);
         let last = signal.rows().saturating_sub(1) as isize;
         let mut start = first;
-        for run in
-            grid.columns()[first..end].chunk_by(|one, other| one.floor_row.round() == other.floor_row.round())
-        {
-            let middle = run[0].floor_row.round() as isize;
+        for run in grid.columns()[first..end].chunk_by(|one, other| one.nearest_row == other.nearest_row) {
+            let middle = run[0].nearest_row;
             for row in 0..ROWS {
                 // The picture's outermost rows stand for those beyond it.
                 let picture_row = (middle + row as isize - MOST_ASIDE as isize).clamp(0, last) as usize;

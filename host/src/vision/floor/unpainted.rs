@@ -191,7 +191,7 @@ fn mean(rows: &[Colour]) -> Colour {
 /// Laser strength and brightness of the grounds above and below a stripe of this width in one column, levels.
 pub fn grounds<S: Signal>(signal: S, grid: &Grid, index: usize, width: f32) -> [Colour; 2] {
     let (near, length) = extent(width);
-    let (column, middle) = (grid.first() + index, grid.columns()[index].floor_row.round() as isize);
+    let (column, middle) = (grid.first() + index, grid.columns()[index].nearest_row);
     [-1, 1].map(|sign| {
         let mut rows = [[0.0_f32; 2]; MOST_LENGTH];
         for (aside, row) in rows.iter_mut().take(length).enumerate() {

@@ -141,7 +141,7 @@ impl Pool {
     /// darkens green a little itself, which then counts for it.
     fn hidden<S: RowSearch>(&self, signal: S, grid: &Grid, index: usize, filter: &Filter) -> f32 {
         let (near, far) = (filter.near as isize, filter.far as isize);
-        let middle = grid.columns()[index].floor_row.round() as isize;
+        let middle = grid.columns()[index].nearest_row;
         let tone = |aside: isize| {
             f32::from(signal.tone(grid.first() + index, middle.saturating_add(aside).max(0) as usize))
         };
