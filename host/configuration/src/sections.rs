@@ -67,6 +67,8 @@ pub struct Camera {
     pub gain: f64,
     /// Focus, dioptres.
     pub focus: f64,
+    /// The ground that the laser's dimming tells is subtracted where the edge of a paint hides the stripe.
+    pub background_subtraction: bool,
 }
 
 /// Which controller is at the other end.
@@ -259,6 +261,7 @@ pub(crate) fn camera(section: &Section<'_>) -> Camera {
         read_out_us: section.whole("read_out_us", 17_300, 0..=100_000, "microseconds"),
         gain: section.number("gain", 2.0, 1.0..=16.0, ""),
         focus: section.number("focus_dioptres", 2.0, 0.0..=15.0, "dioptres"),
+        background_subtraction: section.flag("background_subtraction", false),
     };
     if camera.source == Source::Replay && camera.input.is_none() {
         section.object("input", "is missing; name the folder of pictures to replay");

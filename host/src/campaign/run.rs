@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use nearfield_shared::columns::{Decimation, GeometryError};
-use nearfield_shared::limits::{LARGEST_COLUMN_COUNT, VOTE_FRAMES};
+use nearfield_shared::limits::{LARGEST_COLUMN_COUNT, LASER_DIMMED, LASER_FULL, VOTE_FRAMES};
 use nearfield_shared::linescan::LineScanColumn;
 use nearfield_shared::monitor::{ColumnReading, StripeMonitor};
 use nearfield_shared::rig::Rig;
@@ -25,6 +25,9 @@ const THEMES: [(&str, Theme); 3] =
     [("clean", Theme::Clean), ("object", Theme::Object), ("thin", Theme::Thin)];
 /// The layouts that take turns, one after all themes.
 const LAYOUTS: [&str; 3] = ["rgb", "yuv420", "nv12"];
+/// The laser's brightness in the pictures of a sequence, as the controller's code may have it.
+const CODE: [f32; 11] = [1.0, 1.0, DIMMED, DIMMED, 1.0, 1.0, DIMMED, DIMMED, DIMMED, 1.0, 1.0];
+const DIMMED: f32 = LASER_DIMMED as f32 / LASER_FULL as f32;
 /// A ratio that is written down is no larger: JSON has no infinity.
 const MOST_RATIO: f64 = 1e6;
 /// A reading is right if it lies within this many pixels of a true row of its column.
@@ -100,6 +103,7 @@ impl Bench {
 /// Everything that judges scenes; owns one bench for each rig.
 pub struct Judge {
     benches: Vec<Bench>,
+    has_code: bool,
 }
 
 impl Judge {
@@ -109,7 +113,17 @@ impl Judge {
     /// [`CampaignError`] for a width at which a rig does not resolve its stripe.
     pub fn new(width: u16) -> Result<Self, CampaignError> {
         let benches = RIGS.iter().map(|(name, mounting)| Bench::new(name, *mounting, width));
-        Ok(Self { benches: benches.collect::<Result<_, _>>()? })
+        Ok(Self { benches: benches.collect::<Result<_, _>>()?, has_code: false })
+    }
+
+    /// From now on every scene is a sequence of pictures with the laser dimmed by a code, and backgrounds are subtracted.
+    #[must_use]
+    pub fn with_laser_code(mut self) -> Self {
+        self.has_code = true;
+        for bench in &mut self.benches {
+            bench.analyser = bench.analyser.clone().with_background_subtraction();
+        }
+        self
     }
 
     /// Draws scene number `scene` and judges its picture.
@@ -124,15 +138,23 @@ impl Judge {
         let content = random_scene(scene, theme, bench.rig.stripe());
         let twin = Twin::new(Arc::clone(&bench.view), &content, scene)
             .map_err(|source| CampaignError::Scene { scene, source })?;
-        let frame = Frame::new(bench.rig.image(), Pixels::Rgb(twin.render(0, 1.0).rgb))
-            .map_err(|_| CampaignError::Picture { scene })?;
-        let frame = match layout {
-            "yuv420" => frame.to_yuv420(),
-            "nv12" => frame.to_nv12(),
-            _ => frame,
+        let image = bench.rig.image();
+        let picture = |number: u64, drive: f32| {
+            let frame = Frame::new(image, Pixels::Rgb(twin.render(number, drive).rgb))
+                .map_err(|_| CampaignError::Picture { scene })?;
+            Ok::<Frame, CampaignError>(match layout {
+                "yuv420" => frame.to_yuv420(),
+                "nv12" => frame.to_nv12(),
+                _ => frame,
+            })
+        };
+        let frames = if self.has_code {
+            (0..).zip(CODE).map(|(number, drive)| picture(number, drive)).collect::<Result<_, _>>()?
+        } else {
+            vec![picture(0, 1.0)?; VOTE_FRAMES]
         };
         let truth = twin.truth(1.0);
-        let (controller_cut, time_us) = bench.look(&frame).ok_or(CampaignError::Picture { scene })?;
+        let (controller_cut, time_us) = bench.look(&frames).ok_or(CampaignError::Picture { scene })?;
         let mut families =
             vec![format!("theme:{theme_name}"), format!("rig:{}", bench.name), format!("layout:{layout}")];
         families.extend(families_of(&content));
@@ -153,13 +175,13 @@ impl Judge {
 }
 
 impl Bench {
-    /// The controller's verdict, and the time that a frame took; `None` for a foreign frame.
-    fn look(&mut self, frame: &Frame) -> Option<(bool, u64)> {
+    /// The controller's verdict after the last of some frames, and the time that it took; `None` for a foreign frame.
+    fn look(&mut self, frames: &[Frame]) -> Option<(bool, u64)> {
         self.analyser.reset();
         self.controller.reset();
         let mut time_us = 0;
         let mut cut = true;
-        for _ in 0..VOTE_FRAMES {
+        for frame in frames {
             let started = Instant::now();
             self.analyser.update(&frame.view()).ok()?;
             let extractor = self.analyser.extractor();

@@ -57,6 +57,23 @@ pub struct HeightTable {
     pub wrong_class: usize,
 }
 
+/// Gaps of some length: a shorter one than tier 1 stops for is told all the same.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GapTable {
+    /// Which lengths, of the true gap; `clean floors` for those without any.
+    pub group: &'static str,
+    /// A gap of [`LEAST_TOLD_MM`] and more was told.
+    pub told: Share,
+    /// Host and controller stopped.
+    pub stopped: Share,
+}
+
+/// On a clean floor, single columns without a reading make gaps shorter than this, millimetres.
+pub const LEAST_TOLD_MM: f32 = 3.0;
+/// Lengths of true gaps that are counted together, millimetres: first included, second not.
+const GAP_GROUPS: [(&str, f64, f64); 3] =
+    [("3 to 5 mm", 3.0, 5.0), ("5 to 7 mm", 5.0, 7.0), ("7 mm and more", 7.0, f64::INFINITY)];
+
 /// One family's verdicts.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FamilyTable {
@@ -75,6 +92,8 @@ pub struct Summary {
     pub scenes: usize,
     /// By family.
     pub families: Vec<FamilyTable>,
+    /// By length of the true gap, and on clean floors.
+    pub gaps: Vec<GapTable>,
     /// By group of materials.
     pub heights: Vec<HeightTable>,
     /// For each eighth of the quality scale: how many readings were right.
@@ -122,6 +141,7 @@ impl Summary {
         Self {
             scenes: outcomes.len(),
             families: names.into_iter().map(|(name, outcomes)| family(name, &outcomes)).collect(),
+            gaps: gaps(outcomes),
             heights: vec![
                 heights("matt", outcomes, |material| !is_shiny(material)),
                 heights("glossy and metal", outcomes, is_shiny),
@@ -151,6 +171,10 @@ impl Summary {
         let number = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.2}"));
         let [dark, stopped] = self.not_measurable;
         text += &format!("clean floors that are not measurable: {dark}, of which stopped: {stopped}\n");
+        text += "true gap                                     told                    stopped\n";
+        for row in &self.gaps {
+            text += &format!("{:<22} {:>26} {:>26}\n", row.group, row.told.text(), row.stopped.text());
+        }
         text += "heights                objects  unseen   RMSE mm  median mm    95 % mm  class wrong\n";
         for row in &self.heights {
             text += &format!(
@@ -218,6 +242,25 @@ fn family(name: &str, outcomes: &[&Outcome]) -> FamilyTable {
     }
 }
 
+fn gaps(outcomes: &[Outcome]) -> Vec<GapTable> {
+    let table = |group, wanted: &dyn Fn(&Outcome) -> bool| {
+        let of: Vec<&Outcome> = outcomes.iter().filter(|outcome| wanted(outcome)).collect();
+        let share = |is_hit: &dyn Fn(&Outcome) -> bool| {
+            Share::of(of.iter().filter(|outcome| is_hit(outcome)).count(), of.len())
+        };
+        GapTable {
+            group,
+            told: share(&|outcome| outcome.gap_mm >= LEAST_TOLD_MM),
+            stopped: share(&|outcome| outcome.host_cut && outcome.controller_cut),
+        }
+    };
+    let is_clean = |outcome: &Outcome| outcome.expected == ExpectedCutoff::NoTrip && outcome.is_measurable();
+    let groups = GAP_GROUPS.iter().map(|(group, least, most)| {
+        table(*group, &|outcome| !is_clean(outcome) && (*least..*most).contains(&outcome.true_gap_mm))
+    });
+    groups.chain([table("clean floors", &is_clean)]).collect()
+}
+
 fn heights(group: &'static str, outcomes: &[Outcome], wanted: impl Fn(&str) -> bool) -> HeightTable {
     let objects: Vec<_> = outcomes
         .iter()
@@ -246,4 +289,50 @@ fn reliability(outcomes: &[Outcome]) -> Vec<Share> {
             Share::of(right, readings)
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn outcome(expected: ExpectedCutoff, true_gap_mm: f64, gap_mm: f32, stopped: bool) -> Outcome {
+        Outcome {
+            scene: 0,
+            families: Vec::new(),
+            expected,
+            true_gap_mm,
+            faintest: 100.0,
+            host_cut: stopped,
+            controller_cut: stopped,
+            gap_mm,
+            objects: Vec::new(),
+            reliability: [[0; 2]; RELIABILITY_BINS],
+            time_us: 1,
+        }
+    }
+
+    /// A gap that is too short to stop for is told, and a clean floor counts by itself.
+    #[test]
+    fn gaps_are_counted_by_their_true_length_told_or_stopped() {
+        let outcomes = [
+            outcome(ExpectedCutoff::Borderline, 3.0, 4.9, false),
+            outcome(ExpectedCutoff::Borderline, 4.9, 5.2, true),
+            outcome(ExpectedCutoff::Borderline, 4.0, 2.9, false),
+            outcome(ExpectedCutoff::Borderline, 5.0, 5.5, true),
+            outcome(ExpectedCutoff::Trip, 7.0, 0.0, false),
+            outcome(ExpectedCutoff::NoTrip, 0.0, 3.0, false),
+            outcome(ExpectedCutoff::NoTrip, 0.0, 0.0, false),
+        ];
+        let counted: Vec<_> = gaps(&outcomes)
+            .iter()
+            .map(|row| (row.group, row.told.hits, row.told.trials, row.stopped.hits, row.stopped.trials))
+            .collect();
+        let expected = [
+            ("3 to 5 mm", 2, 3, 1, 3),
+            ("5 to 7 mm", 1, 1, 1, 1),
+            ("7 mm and more", 0, 1, 0, 1),
+            ("clean floors", 1, 2, 0, 2),
+        ];
+        assert_eq!(counted, expected);
+    }
 }

@@ -37,6 +37,10 @@ pub struct Campaign {
     /// Keep every outcome in this file, and do not judge again what it holds.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Show every scene as a sequence of pictures with the laser dimmed by the controller's code, and subtract the ground
+    /// that this tells.
+    #[arg(long)]
+    laser_code: bool,
     /// The summary as one JSON object.
     #[arg(long)]
     json: bool,
@@ -57,7 +61,7 @@ impl Campaign {
         let known: HashSet<u64> = outcomes.iter().map(|outcome| outcome.scene).collect();
         let wanted: Vec<u64> = (self.first..end).filter(|scene| !known.contains(scene)).collect();
         let mut file = self.out.as_deref().map(append).transpose()?;
-        judge_all(&wanted, self.width, |outcome| {
+        judge_all(&wanted, (self.width, self.laser_code), |outcome| {
             if let Some((path, file)) = &mut file {
                 writeln!(file, "{}", serde_json::to_string(&outcome)?)
                     .with_context(|| format!("{}: cannot write", path.display()))?;
@@ -79,7 +83,7 @@ impl Campaign {
 /// Judges on all cores; `take` gets the outcomes as they come.
 fn judge_all(
     scenes: &[u64],
-    width: u16,
+    (width, has_code): (u16, bool),
     mut take: impl FnMut(Outcome) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
     let workers = std::thread::available_parallelism().map_or(1, usize::from).min(scenes.len().max(1));
@@ -89,6 +93,7 @@ fn judge_all(
             let sender = sender.clone();
             scope.spawn(move || {
                 let mut judge = match Judge::new(width) {
+                    Ok(judge) if has_code => judge.with_laser_code(),
                     Ok(judge) => judge,
                     Err(error) => {
                         // Nobody listens any more only if another worker has failed before.

@@ -4,12 +4,14 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use nearfield_configuration::Configuration;
-use nearfield_machine::doctor::{Patient, examine, exit_code};
+use nearfield_machine::doctor::{Check, Patient, Verdict, examine, exit_code};
+
+use crate::run::rig;
 
 /// Look at this computer, and say what to do.
 ///
 /// Camera, focus, SPI device and buffer, GPIO chip, real-time rights, kernel, clock, temperature, power, disk; for the
-/// configuration's source and link. Exit code 0 = nothing is in the way; 1 = a problem, or another computer than a Raspberry Pi.
+/// configuration's source, link and rig file. Exit code 0 = nothing is in the way; 1 = a problem, or another computer than a Raspberry Pi.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -27,6 +29,19 @@ pub struct Doctor {
 /// What a robot has, where no configuration says otherwise.
 const ON_A_ROBOT: &str = "[camera]\nsource = \"rpicam-vid\"\n[link]\nkind = \"spi\"\n";
 
+/// Can the rig be used that the configuration names? Nothing runs without.
+fn rig_check(configuration: &Configuration) -> Check {
+    let (verdict, found, advice) = match rig::of(configuration) {
+        Ok(_) => (Verdict::Sound, rig::name(configuration), ""),
+        Err(error) => (
+            Verdict::Problem,
+            error.to_string(),
+            "make it: `nearfield calibrate --help`; then `nearfield config check`",
+        ),
+    };
+    Check { name: "rig", verdict, found, advice: advice.to_owned() }
+}
+
 impl Doctor {
     /// Runs the command.
     ///
@@ -37,7 +52,10 @@ impl Doctor {
             Some(path) => Configuration::load(path)?,
             None => Configuration::read(ON_A_ROBOT, Path::new("a robot's configuration"))?,
         };
-        let checks = examine(&Patient::this(), &configuration);
+        let mut checks = examine(&Patient::this(), &configuration);
+        if self.config.is_some() {
+            checks.push(rig_check(&configuration));
+        }
         if self.json {
             say!("{}", serde_json::to_string(&checks)?);
         } else {

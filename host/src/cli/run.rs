@@ -285,6 +285,11 @@ impl Work<'_> {
         let fields = Fields::new(self.configuration);
         let exposure = Micros::new(self.configuration.camera.exposure_us.into());
         let path = StripePath::new(self.rig, controller, semantics)?.with_exposure(exposure);
+        let path = if self.configuration.camera.background_subtraction {
+            path.with_background_subtraction()
+        } else {
+            path
+        };
         Ok(path.with_fields(fields, speed))
     }
 

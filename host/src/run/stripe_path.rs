@@ -99,6 +99,12 @@ impl<C: Controller> StripePath<C> {
         Self { fields, speed, ..self }
     }
 
+    /// With the ground subtracted that the laser's code tells: see [`Analyser::with_background_subtraction`].
+    #[must_use]
+    pub fn with_background_subtraction(self) -> Self {
+        Self { analyser: self.analyser.with_background_subtraction(), ..self }
+    }
+
     /// With another exposure than the usual one: the controller compares the light of it with the laser's code.
     #[must_use]
     pub fn with_exposure(self, exposure: Micros) -> Self {

@@ -133,9 +133,16 @@ impl Analyser {
         Self { rig_deviation, ..self }
     }
 
+    /// The same, for frames that follow one another: see [`Extractor::with_background_subtraction`].
+    #[must_use]
+    pub fn with_background_subtraction(self) -> Self {
+        Self { extractor: self.extractor.with_background_subtraction(), ..self }
+    }
+
     /// Forgets the frames seen: the vote starts anew.
     pub fn reset(&mut self) {
         self.monitor.reset();
+        self.extractor.forget();
     }
 
     /// Takes the next frame of a sequence.
@@ -150,7 +157,7 @@ impl Analyser {
 
     /// The next frame of a sequence is lost: it counts as one without any stripe.
     pub fn lose_frame(&mut self) {
-        self.extractor.clear();
+        self.extractor.forget();
         self.evaluate();
     }
 

@@ -29,6 +29,9 @@ pub struct OffFloorPoint {
     pub line: u32,
 }
 
+/// Points off the floor in one frame, at most, for each image column.
+const MOST_POINTS: usize = 4;
+
 /// Working memory for samples of one size.
 #[derive(Debug, Clone)]
 struct Workshop {
@@ -90,8 +93,24 @@ impl Extractor {
             pixels,
             chroma,
             readings,
-            points: Vec::with_capacity(4 * width),
+            points: Vec::with_capacity(MOST_POINTS * width),
         })
+    }
+
+    /// For frames that follow one another, with the laser dimmed by the safety controller's code in between: what that tells
+    /// of the ground is subtracted where the edge of a paint hides the stripe. It helps on a floor that stands still.
+    #[must_use]
+    pub fn with_background_subtraction(mut self) -> Self {
+        self.pixels.floor.subtract_backgrounds();
+        self.chroma.floor.subtract_backgrounds();
+        self
+    }
+
+    /// Forgets all frames before the next one.
+    pub fn forget(&mut self) {
+        self.clear();
+        self.pixels.floor.forget();
+        self.chroma.floor.forget();
     }
 
     /// The maps of all image columns.
@@ -147,7 +166,8 @@ impl Extractor {
         for point in raised.points() {
             let (column, row) = (grid.image_column(point.column), grid.to_pixels(point.row));
             let quality = quality_of(point.significance);
-            if self.points.len() < self.points.capacity() {
+            // Room for so many; a clone's vector has none of its own at first.
+            if self.points.len() < MOST_POINTS * width {
                 let (height, place) = (point.height, point.place);
                 self.points.push(OffFloorPoint { column, row, height, place, quality, line: point.line });
             }

@@ -18,6 +18,7 @@ mod scraps;
 mod slanted;
 mod straight;
 mod strip;
+mod unlit;
 mod unpainted;
 
 use rim::is_rim;
@@ -222,6 +223,8 @@ pub struct FloorFinder {
     bench: Bench,
     edges: EdgeModel,
     pool: pooled::Pool,
+    /// Only where the ground is subtracted; on the heap, for it is taken out while in use.
+    unlit: Option<Box<unlit::Unlit>>,
 }
 
 /// What the stripe looks like in one frame.
@@ -251,6 +254,19 @@ impl FloorFinder {
             bench: Bench::default(),
             edges: EdgeModel::new(),
             pool: pooled::Pool::new(count),
+            unlit: None,
+        }
+    }
+
+    /// From now on frames follow one another: what the laser's dimming tells of the ground is subtracted ([`unlit`]).
+    pub fn subtract_backgrounds(&mut self) {
+        self.unlit = Some(Box::new(unlit::Unlit::new(self.columns.len())));
+    }
+
+    /// Forgets what earlier frames told.
+    pub fn forget(&mut self) {
+        if let Some(unlit) = &mut self.unlit {
+            unlit.forget();
         }
     }
 
@@ -273,6 +289,7 @@ impl FloorFinder {
         self.strengthen(signal, grid);
         self.usual = self.usual_stripe();
         self.explain_edges(signal, grid);
+        self.subtract_ground(signal, grid);
         self.decide(grid);
         self.settle_rows(grid);
         self.sink_islands(grid);

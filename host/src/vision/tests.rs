@@ -141,6 +141,9 @@ fn an_object_has_the_height_of_the_line_on_it() {
         floor.into_iter().chain(on_thing(geometry, map).map(|row| (row, 100.0))).collect()
     });
     let analyser = drawing.judged();
+    let mut copy = analyser.clone();
+    copy.judge(&drawing.frame().view()).unwrap();
+    assert_eq!(copy.objects(), analyser.objects(), "a copy has room for points too");
     let [object] = analyser.objects() else { panic!("{:?}", analyser.objects()) };
     let (height, deviation) = (object.height.unwrap().get(), object.uncertainty.unwrap().get());
     assert!((height - 20.0).abs() < 0.3, "{height} mm");
@@ -269,4 +272,44 @@ fn a_whole_stripe_has_a_reading_in_every_watched_column_in_every_layout() {
             assert!(missing.is_empty(), "{missing:?} of {:?}", drawing.geometry.watched());
         }
     }
+}
+
+/// A red line lies beside the stripe, so many rows farther than usual, and the rays of `dark` reach no floor.
+fn beside_a_red_line(drive: f32, rows: f32, dark: std::ops::Range<f32>) -> Drawing {
+    let mut drawing = Drawing::new(CENTRE.rig().unwrap());
+    drawing.stripe(|_, map| {
+        let lit = !dark.contains(&map.floor_place);
+        let line = map.floor_place.abs() < 20.0;
+        let stripe = lit.then_some((map.floor_row, 100.0 * drive));
+        stripe.into_iter().chain(line.then_some((map.floor_row + 5.0 + rows, 160.0))).collect()
+    });
+    drawing
+}
+
+/// The controller's code makes the ground known that hides the stripe, and what happens then is seen all the same.
+#[test]
+fn with_the_lasers_code_a_red_line_beside_the_stripe_hides_it_no_longer() {
+    const NOWHERE: std::ops::Range<f32> = 0.0..0.0;
+    let code = [1.0, 1.0, 0.6, 0.6, 1.0, 1.0, 0.6, 0.6, 1.0, 1.0];
+    let show = |analyser: &mut Analyser, drive: f32, rows: f32, dark: std::ops::Range<f32>| {
+        analyser.update(&beside_a_red_line(drive, rows, dark).frame().view()).unwrap();
+        analyser.report().is_cut()
+    };
+    let rig = CENTRE.rig().unwrap();
+    let mut plain = Analyser::new(&rig).unwrap();
+    assert!(code.map(|drive| show(&mut plain, drive, 0.0, NOWHERE))[9], "one picture does not tell");
+    let mut analyser = Analyser::new(&rig).unwrap().with_background_subtraction();
+    let steady = [1.0; 10].map(|drive| show(&mut analyser, drive, 0.0, NOWHERE));
+    assert!(steady[9], "a laser that does not change tells nothing");
+    assert!(!code.map(|drive| show(&mut analyser, drive, 0.0, NOWHERE))[9]);
+    // A thing lies down in the stripe; by then the ground is known.
+    let mut clone = analyser.clone();
+    assert!([1.0, 0.6, 0.6].map(|drive| show(&mut clone, drive, 0.0, -6.0..6.0))[2]);
+    // The same, and the robot moves: what is left of the line, where it was, is no stripe.
+    for rows in [-1.0, 1.0, 2.0] {
+        let mut clone = analyser.clone();
+        assert!([1.0, 0.6, 0.6].map(|drive| show(&mut clone, drive, rows, -6.0..6.0))[2], "{rows} rows");
+    }
+    analyser.reset();
+    assert!([1.0, 1.0, 1.0].map(|drive| show(&mut analyser, drive, 0.0, NOWHERE))[2], "forgotten");
 }

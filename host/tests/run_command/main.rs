@@ -183,3 +183,17 @@ fn the_doctor_looks_at_this_computer() {
     assert_eq!(output.status.code(), Some(i32::from(!sound)));
     assert!(rows.iter().all(|row| !row["name"].as_str().unwrap().is_empty()));
 }
+
+/// Without its rig the service does not start: the doctor says so before.
+#[test]
+fn the_doctor_misses_the_rig_that_a_configuration_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("nearfield.toml");
+    std::fs::write(&file, "rig = \"robot.toml\"\n").unwrap();
+    let output = nearfield(&["doctor", "--json", "--config", file.to_str().unwrap()]);
+    let rows: Vec<serde_json::Value> = serde_json::from_slice(&output.stdout).unwrap();
+    let rig = rows.iter().find(|row| row["name"] == "rig").unwrap();
+    assert_eq!(rig["verdict"], "problem");
+    assert!(rig["found"].as_str().unwrap().contains("robot.toml"), "{rig}");
+    assert_eq!(output.status.code(), Some(1));
+}

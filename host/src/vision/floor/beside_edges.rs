@@ -106,18 +106,30 @@ impl FloorFinder {
             .iter()
             .zip(grid.columns())
             .any(|(column, place)| column.has_something() && !column.is_surely_floor(place, widest));
+        self.pool.seen.fill(false);
         if !in_question {
             return;
         }
         let mut left = MOST_EXPLAINED;
-        self.pool.seen.fill(false);
         for reversed in [false, true] {
-            self.explain_along(signal, grid, &mut left, reversed);
+            self.walk(grid, reversed, |finder, doubt| {
+                let column = &mut finder.columns[doubt.index];
+                if let Some(fringe) = column.fringe.filter(|fringe| doubt.like.is_like(fringe, doubt.place)) {
+                    (column.peak, column.pooled) = (Some(fringe), None);
+                    return false;
+                }
+                finder.see(signal, grid, doubt, &mut left)
+            });
         }
     }
 
-    /// One way along the stripe; `left`: how many more columns may be explained at length.
-    fn explain_along<S: RowSearch>(&mut self, signal: S, grid: &Grid, left: &mut usize, reversed: bool) {
+    /// One way along the stripe; `look` gets every column in doubt, and tells whether the stripe is there.
+    pub(super) fn walk(
+        &mut self,
+        grid: &Grid,
+        reversed: bool,
+        mut look: impl FnMut(&mut Self, &Doubt<'_>) -> bool,
+    ) {
         let widest = GLOW_WIDTH * self.usual.width;
         let count = self.columns.len();
         let column_at = |step: usize| if reversed { count - 1 - step } else { step };
@@ -144,12 +156,7 @@ impl FloorFinder {
             }
             let sides = [behind, (ahead < count).then(|| column_at(ahead))];
             let Some(like) = self.neighbours(grid, index, sides) else { continue };
-            let column = &mut self.columns[index];
-            if let Some(fringe) = column.fringe.filter(|fringe| like.is_like(fringe, place)) {
-                (column.peak, column.pooled) = (Some(fringe), None);
-                continue;
-            }
-            if self.see(signal, grid, &Doubt { index, place, sides, like }, left) {
+            if look(self, &Doubt { index, place, sides, like }) {
                 self.pool.seen[index] = true;
                 behind = Some(index);
             }

@@ -43,6 +43,11 @@ impl Strip {
         self.filled.fill(false);
     }
 
+    /// Was this column filled in?
+    pub fn is_filled(&self, column: usize) -> bool {
+        self.filled.get(column / BLOCK).copied().unwrap_or(false)
+    }
+
     /// Fills in the columns of a range, and some beside them.
     pub fn fill<S: RowSearch>(&mut self, signal: S, grid: &Grid, range: std::ops::Range<usize>) {
         let blocks = range.start / BLOCK..range.end.min(self.columns).div_ceil(BLOCK);
