@@ -116,11 +116,11 @@ impl Judge {
         Ok(Self { benches: benches.collect::<Result<_, _>>()?, has_code: false })
     }
 
-    /// From now on every scene is a sequence of pictures with the laser dimmed by a code, and backgrounds are subtracted.
+    /// From now on every scene is a sequence of pictures with the laser dimmed by a code, and backgrounds are subtracted or not.
     #[must_use]
-    pub fn with_laser_code(mut self) -> Self {
+    pub fn with_laser_code(mut self, subtracts: bool) -> Self {
         self.has_code = true;
-        for bench in &mut self.benches {
+        for bench in self.benches.iter_mut().filter(|_| subtracts) {
             bench.analyser = bench.analyser.clone().with_background_subtraction();
         }
         self

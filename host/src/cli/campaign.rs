@@ -37,10 +37,12 @@ pub struct Campaign {
     /// Keep every outcome in this file, and do not judge again what it holds.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Show every scene as a sequence of pictures with the laser dimmed by the controller's code, and subtract the ground
-    /// that this tells.
+    /// Show every scene as a sequence of pictures, with the laser dimmed as by the controller's code.
     #[arg(long)]
     laser_code: bool,
+    /// Subtract the ground that this tells.
+    #[arg(long, requires = "laser_code")]
+    subtract_background: bool,
     /// The summary as one JSON object.
     #[arg(long)]
     json: bool,
@@ -61,7 +63,7 @@ impl Campaign {
         let known: HashSet<u64> = outcomes.iter().map(|outcome| outcome.scene).collect();
         let wanted: Vec<u64> = (self.first..end).filter(|scene| !known.contains(scene)).collect();
         let mut file = self.out.as_deref().map(append).transpose()?;
-        judge_all(&wanted, (self.width, self.laser_code), |outcome| {
+        judge_all(&wanted, (self.width, [self.laser_code, self.subtract_background]), |outcome| {
             if let Some((path, file)) = &mut file {
                 writeln!(file, "{}", serde_json::to_string(&outcome)?)
                     .with_context(|| format!("{}: cannot write", path.display()))?;
@@ -83,7 +85,7 @@ impl Campaign {
 /// Judges on all cores; `take` gets the outcomes as they come.
 fn judge_all(
     scenes: &[u64],
-    (width, has_code): (u16, bool),
+    (width, [has_code, subtracts]): (u16, [bool; 2]),
     mut take: impl FnMut(Outcome) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
     let workers = std::thread::available_parallelism().map_or(1, usize::from).min(scenes.len().max(1));
@@ -93,7 +95,7 @@ fn judge_all(
             let sender = sender.clone();
             scope.spawn(move || {
                 let mut judge = match Judge::new(width) {
-                    Ok(judge) if has_code => judge.with_laser_code(),
+                    Ok(judge) if has_code => judge.with_laser_code(subtracts),
                     Ok(judge) => judge,
                     Err(error) => {
                         // Nobody listens any more only if another worker has failed before.

@@ -28,6 +28,8 @@ LAST_SHARE = 0.02
 BACKBONE_SHARE = 0.3
 # In the last part of the training pictures are whole again, as they will be in use.
 WITHOUT_MOSAIC = 0.25
+# No step takes longer; what does was stopped in between.
+LONGEST_STEP_SECONDS = 60
 # So many inputs tell the statistics of an exported network's features.
 MEASURED, BATCH = 512, 16
 
@@ -209,8 +211,8 @@ class Run:
             done += 1
             waited = getattr(self, "last_end", start)
             self.last_end = time.monotonic()
-            # Waiting for the next batch counts too, but not a pause between two runs of the program.
-            self.seconds += self.last_end - max(waited, start - 60)
+            # Waiting for the next batch counts too, but not a pause, between two runs of the program or while it is stopped.
+            self.seconds += min(self.last_end - waited, LONGEST_STEP_SECONDS)
             if self.progress() >= 1:
                 break
         return [round(float(value), 4) for value in total / max(1, done)]

@@ -72,7 +72,7 @@ fn step_across(rows: &[f32], crest: usize, width: f32) -> f32 {
 }
 
 /// The rows about the floor's row, averaged along the stripe; the middle one is at the floor's row.
-fn average(strip: &Strip, grid: &Grid, index: usize, rows: &mut [f32]) {
+pub(super) fn average(strip: &Strip, grid: &Grid, index: usize, rows: &mut [f32]) {
     let far = (rows.len() / 2) as isize;
     let reach = POOLED_MM / 2.0 / pitch(grid, index).max(0.05);
     let columns = ((reach + 0.5) as usize).min(COLUMNS_ASIDE);

@@ -8,8 +8,9 @@
 //! The code itself is never told to the host: that the laser has changed is seen in the columns that are in no doubt.
 
 use super::beside_edges::{Doubt, LIKE_RANGE, LIKE_ROWS};
+use super::prominent::average;
 use super::strip::{MOST_ASIDE, Strip};
-use super::{FloorColumn, FloorFinder, SURE_CONTRAST};
+use super::{FloorColumn, FloorFinder, SURE_CONTRAST, median};
 use crate::vision::grid::Grid;
 use crate::vision::peak::{Kernel, Peak, Ridge};
 use crate::vision::signal::RowSearch;
@@ -17,7 +18,7 @@ use crate::vision::signal::RowSearch;
 /// Rows to each side of the floor's row that are kept.
 const REACH: usize = 40;
 const ROWS: usize = 2 * REACH + 1;
-const _: () = assert!(REACH <= MOST_ASIDE, "the strip holds what is kept");
+const _: () = assert!(REACH < MOST_ASIDE, "the strip holds what is kept");
 /// The laser has changed if the stripe's contrast has fallen to this share, or risen by its inverse: dimming to 60 % leaves at
 /// most 0.8 of it.
 const CHANGED_SHARE: f32 = 0.9;
@@ -27,9 +28,11 @@ const FEWEST_COLUMNS: usize = 64;
 const LEAST_SHARE: f32 = 0.4;
 /// Rows that the stripe's light reaches beyond the tolerance, in widths of the stripe; farther rows must stay as they are.
 const HALO_WIDTHS: f32 = 1.5;
-/// A row that stays differs by no more than so many levels, and all of them by this on average: noise of two pictures.
+/// Rows that stay differ by noise: no more than this in the median, levels ...
+const STILL_USUALLY: f32 = 10.0;
+/// ... and none by more than this, or so many times the median: four standard deviations of normal noise and a little more.
 const STILL_LEVELS: f32 = 24.0;
-const STILL_MEAN: f32 = 8.0;
+const OUTLIER: f32 = 7.0;
 /// What the change takes from the stripe may differ from what it takes from its neighbours by this factor.
 const ALIKE_CHANGE: f32 = 2.2;
 /// The stripe has at least this share of the weaker neighbour's contrast.
@@ -48,7 +51,14 @@ const MOST_CHANGES: u8 = 8;
 /// Two tellings of one ground differ by no more than so many levels on average.
 const SAME_GROUND: f32 = 14.0;
 
+/// Rows around the floor's, averaged along the stripe; the middle one is the floor's.
 type Rows = [f32; ROWS];
+
+fn rows_of(strip: &Strip, grid: &Grid, column: usize) -> Rows {
+    let mut rows = [0.0; ROWS];
+    average(strip, grid, column, &mut rows);
+    rows
+}
 
 /// What is known of one column's ground.
 #[derive(Debug, Clone)]
@@ -86,17 +96,10 @@ impl Change {
     }
 }
 
-/// The rows of one column around the floor's row.
-fn rows_of(strip: &Strip, column: usize) -> Rows {
-    std::array::from_fn(|row| strip.value(column, row as isize - REACH as isize))
-}
-
 /// What the doubt about a column leaves to be expected of it.
 struct Expected {
     /// Rows from the middle within which the stripe's light may lie.
     halo: usize,
-    /// The floor's row, from the middle one.
-    fraction: f32,
     farthest: f32,
     kernel: Kernel,
 }
@@ -107,7 +110,6 @@ impl Expected {
         let halo = (place.tolerance + HALO_WIDTHS * doubt.width()).ceil() as usize + 1;
         Self {
             halo: halo.min(REACH / 2),
-            fraction: place.floor_row - place.nearest_row as f32,
             farthest: place.tolerance.min(LIKE_ROWS),
             kernel: Kernel::for_step(step),
         }
@@ -119,15 +121,14 @@ impl Expected {
 
     /// Do all rows beside the stripe differ by no more than noise?
     fn is_still(&self, differences: &Rows) -> bool {
-        let aside = || {
-            differences
-                .iter()
-                .enumerate()
-                .filter(|(row, _)| self.is_aside(*row))
-                .map(|(_, value)| value.abs())
-        };
-        let (sum, count) = aside().fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
-        sum <= STILL_MEAN * count && aside().all(|value| value <= STILL_LEVELS)
+        let mut aside = [f32::NAN; ROWS];
+        let rows = differences.iter().enumerate().filter(|(row, _)| self.is_aside(*row));
+        for (aside, (_, value)) in aside.iter_mut().zip(rows) {
+            *aside = value.abs();
+        }
+        let most = aside.iter().copied().fold(0.0, f32::max);
+        let usual = median(&mut aside);
+        usual <= STILL_USUALLY && most <= (OUTLIER * usual).max(STILL_LEVELS)
     }
 
     /// The one ridge at the floor's row, its row counted from that; `None` if it is not even, or lies elsewhere.
@@ -135,7 +136,7 @@ impl Expected {
         let samples: [i16; ROWS] = std::array::from_fn(|row| values[row].round() as i16);
         let reach = self.farthest.ceil() as usize + 1;
         let peak = Ridge::new(&samples, self.kernel).peak(REACH - reach..REACH + reach + 1)?;
-        let offset = peak.row - REACH as f32 - self.fraction;
+        let offset = peak.row - REACH as f32;
         let is_one = offset.abs() <= self.farthest && peak.contrast >= EVEN_SHARE * peak.rise;
         is_one.then_some(Peak { row: offset, ..peak })
     }
@@ -192,12 +193,12 @@ impl Unlit {
     }
 
     /// What a change of the laser tells of one column's ground, or that it does not fit what was told before.
-    fn learn(&mut self, now: &Rows, change: Change, doubt: &Doubt<'_>, expected: &Expected) {
+    fn learn(&mut self, grid: &Grid, now: &Rows, change: Change, doubt: &Doubt<'_>, expected: &Expected) {
         let Some(ground) = self.grounds.get_mut(doubt.index) else { return };
         if !self.before.is_filled(doubt.index) {
             return;
         }
-        let before = rows_of(&self.before, doubt.index);
+        let before = rows_of(&self.before, grid, doubt.index);
         let (bright, dim) = if change.is_brighter { (now, &before) } else { (&before, now) };
         let differences: Rows = std::array::from_fn(|row| bright[row] - dim[row]);
         let lost = 1.0 - change.share;
@@ -232,7 +233,7 @@ impl Unlit {
         let ground = self.grounds.get(doubt.index).filter(|ground| ground.changes >= SURE_CHANGES)?;
         let light: Rows = std::array::from_fn(|row| now[row] - ground.rows[row]);
         let ridge = expected.ridge(&light).filter(|_| expected.is_still(&light))?;
-        let crest = Peak { row: ridge.row + REACH as f32 + expected.fraction, ..ridge };
+        let crest = Peak { row: ridge.row + REACH as f32, ..ridge };
         if !is_alone(&light, &crest) {
             return None;
         }
@@ -249,10 +250,10 @@ impl FloorFinder {
         self.pool.strip.fill(signal, grid, 0..self.columns.len());
         self.walk(grid, false, |finder, doubt| {
             let index = doubt.index;
-            let now = rows_of(&finder.pool.strip, index);
+            let now = rows_of(&finder.pool.strip, grid, index);
             let expected = Expected::of(doubt, S::STEP);
             if let Some(change) = change {
-                unlit.learn(&now, change, doubt, &expected);
+                unlit.learn(grid, &now, change, doubt, &expected);
             }
             let Some(ridge) = unlit.read(&now, doubt, &expected) else { return false };
             let column = &mut finder.columns[index];
@@ -297,7 +298,7 @@ mod tests {
 
     #[test]
     fn what_lies_beside_the_stripe_must_stay_and_the_stripe_need_not() {
-        let expected = Expected { halo: 6, fraction: 0.0, farthest: 1.5, kernel: Kernel::PIXELS };
+        let expected = Expected { halo: 6, farthest: 1.5, kernel: Kernel::PIXELS };
         let with = |row: usize, value: f32| {
             let mut rows = [3.0; ROWS];
             rows[row] = value;
@@ -305,6 +306,12 @@ mod tests {
         };
         assert!(with(REACH, 200.0) && with(REACH + 6, 200.0));
         assert!(!with(REACH + 7, 25.0) && with(REACH + 7, -24.0), "one row tells of an edge that has moved");
-        assert!(!expected.is_still(&[8.5; ROWS]) && expected.is_still(&[8.0; ROWS]));
+        assert!(!expected.is_still(&[10.1; ROWS]) && expected.is_still(&[10.0; ROWS]));
+        let noisy = |most: f32| {
+            let mut rows = [5.0; ROWS];
+            rows[0] = most;
+            expected.is_still(&rows)
+        };
+        assert!(noisy(35.0) && !noisy(35.5), "in noise, what stands out of it");
     }
 }
