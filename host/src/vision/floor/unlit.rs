@@ -20,7 +20,7 @@ const REACH: usize = 40;
 const ROWS: usize = 2 * REACH + 1;
 const _: () = assert!(REACH < MOST_ASIDE, "the strip holds what is kept");
 /// The laser has changed if the stripe's contrast has fallen to this share, or risen by its inverse: dimming to 60 % leaves at
-/// most 0.8 of it.
+/// most 0.8 of it. A core that is clipped far looks no less red when dimmed: then no change is seen, and nothing learnt.
 const CHANGED_SHARE: f32 = 0.9;
 /// ... in the median of at least so many columns. Fewer may be a thing that moves.
 const FEWEST_COLUMNS: usize = 64;
