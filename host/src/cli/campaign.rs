@@ -34,7 +34,7 @@ pub struct Campaign {
     /// Columns of the pictures.
     #[arg(long, default_value_t = 1152, value_parser = clap::value_parser!(u16).range(320..=4608))]
     width: u16,
-    /// Keep every outcome in this file, and do not judge again what it holds.
+    /// Keep every outcome in this file, and do not judge again what it holds: one file for one set of the other options.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Show every scene as a sequence of pictures, with the laser dimmed as by the controller's code.

@@ -258,7 +258,7 @@ impl FloorFinder {
         }
     }
 
-    /// From now on frames follow one another: what the laser's dimming tells of the ground is subtracted ([`unlit`]).
+    /// From now on frames follow one another: what the laser's dimming tells of the ground is subtracted (module `unlit`).
     pub fn subtract_backgrounds(&mut self) {
         self.unlit = Some(Box::new(unlit::Unlit::new(self.columns.len())));
     }
