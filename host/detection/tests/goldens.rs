@@ -45,6 +45,8 @@ struct GoldenBox {
     class: usize,
     score: f32,
     place: [f32; 4],
+    /// It comes back from inputs that differ by a level; what does not is no fact about the network.
+    steady: bool,
 }
 
 fn folder() -> PathBuf {
@@ -54,7 +56,8 @@ fn folder() -> PathBuf {
 fn goldens() -> Vec<(Golden, image::RgbImage)> {
     let text = std::fs::read_to_string(folder().join("goldens.json")).unwrap();
     let list: Vec<Golden> = serde_json::from_str(&text).unwrap();
-    assert!(list.len() >= 3 && list.iter().map(|golden| golden.boxes.len()).sum::<usize>() >= 5);
+    let steady = list.iter().flat_map(|golden| &golden.boxes).filter(|wanted| wanted.steady).count();
+    assert!(list.len() >= 3 && steady >= 5);
     list.into_iter()
         .map(|golden| {
             let picture = image::open(folder().join(&golden.picture)).unwrap().to_rgb8();
@@ -140,7 +143,7 @@ fn steps_that_do_not_fit_are_refused_by_name() {
 
 fn agrees(golden: &Golden, found: &[Detection]) {
     // Boxes whose score lies at the threshold may be on either side of it.
-    let clear = golden.boxes.iter().filter(|wanted| wanted.score > LEAST_SCORE + BOX_SCORE);
+    let clear = golden.boxes.iter().filter(|wanted| wanted.steady && wanted.score > LEAST_SCORE + BOX_SCORE);
     for wanted in clear.clone() {
         let near = |detection: &&Detection| {
             let place = detection.place;
