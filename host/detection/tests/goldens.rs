@@ -23,6 +23,9 @@ const ROW_SHARE: f32 = 0.002;
 /// Boxes at the end of everything.
 const BOX_PIXELS: f32 = 1.0;
 const BOX_SCORE: f32 = 0.02;
+/// The same for boxes that hang on a level of the input.
+const LOOSE_PIXELS: f32 = 8.0;
+const LOOSE_SCORE: f32 = 0.1;
 /// As in the script.
 const LEAST_SCORE: f32 = 0.05;
 
@@ -45,7 +48,7 @@ struct GoldenBox {
     class: usize,
     score: f32,
     place: [f32; 4],
-    /// It comes back from inputs that differ by a level; what does not is no fact about the network.
+    /// It comes back from inputs that differ by a level; what does not is held to the loose limits.
     steady: bool,
 }
 
@@ -143,14 +146,18 @@ fn steps_that_do_not_fit_are_refused_by_name() {
 
 fn agrees(golden: &Golden, found: &[Detection]) {
     // Boxes whose score lies at the threshold may be on either side of it.
-    let clear = golden.boxes.iter().filter(|wanted| wanted.steady && wanted.score > LEAST_SCORE + BOX_SCORE);
+    let most_apart = |wanted: &GoldenBox| {
+        if wanted.steady { (BOX_PIXELS, BOX_SCORE) } else { (LOOSE_PIXELS, LOOSE_SCORE) }
+    };
+    let clear = golden.boxes.iter().filter(|wanted| wanted.score > LEAST_SCORE + most_apart(wanted).1);
     for wanted in clear.clone() {
+        let (pixels, score) = most_apart(wanted);
         let near = |detection: &&Detection| {
             let place = detection.place;
             let got = [place.left, place.top, place.right, place.bottom];
             detection.class == wanted.class
-                && (detection.score - wanted.score).abs() <= BOX_SCORE
-                && got.iter().zip(wanted.place).all(|(got, wanted)| (got - wanted).abs() <= BOX_PIXELS)
+                && (detection.score - wanted.score).abs() <= score
+                && got.iter().zip(wanted.place).all(|(got, wanted)| (got - wanted).abs() <= pixels)
         };
         assert!(
             found.iter().any(|detection| near(&detection)),
