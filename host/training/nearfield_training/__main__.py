@@ -1,4 +1,4 @@
-"""`python -m nearfield_training toy|train|export|cut|calibration-set|cross-check|goldens ...`"""
+"""`python -m nearfield_training toy|train|export|train-classifier|export-classifier|cut|calibration-set|...`"""
 
 import argparse
 import importlib
@@ -7,6 +7,8 @@ VERBS = {
     "toy": ("toy", "make a small dataset of drawn shapes"),
     "train": ("train", "train a network on COCO folders; goes on where it was stopped"),
     "export": ("export", "write ONNX, int8, the card, and what Hailo's compiler needs"),
+    "train-classifier": ("classifier", "train the network that names what a detector found"),
+    "export-classifier": ("export_classifier", "write the classifier beside its detector"),
     "cut": ("cut", "renew in a card where the host's default backend cuts the network"),
     "calibration-set": ("calibration_set", "write inputs for the quantisation by Hailo's compiler"),
     "cross-check": ("cross_check", "hold `nearfield evaluate` against pycocotools"),

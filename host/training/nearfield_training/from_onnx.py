@@ -12,7 +12,7 @@ import numpy
 import onnx
 import torch
 
-from .backbone import ScaledConvolution
+from .backbone import LiteBackbone, ScaledConvolution
 from .network import ConvolutionBlock, Yolo
 
 
@@ -56,9 +56,7 @@ def take(network: Yolo, path: pathlib.Path, inputs: Iterable[torch.Tensor]) -> N
     hooks = []
     for name, module in network.named_modules():
         if isinstance(module, ScaledConvolution):
-            _fill(module.kernel, values, f"{name}.kernel", path)
-            _fill(module.offset, values, f"{name}.kernel.bias", path)
-            module.factor.fill_(1)
+            _take_scaled(module, values, name, path)
         elif isinstance(module, ConvolutionBlock):
             _fill(module.convolution.weight, values, f"{name}.convolution.weight", path)
             normalisation = module.normalisation
@@ -86,6 +84,24 @@ def take(network: Yolo, path: pathlib.Path, inputs: Iterable[torch.Tensor]) -> N
         normalisation.weight.copy_(torch.sqrt(variance + normalisation.eps))
         normalisation.running_mean.copy_(mean)
         normalisation.running_var.copy_(variance)
+
+
+@torch.no_grad()
+def take_backbone(backbone: LiteBackbone, path: pathlib.Path) -> None:
+    """Takes only the backbone of an exported network of scale lite, its kernels scaled to learn at the pace of fresh ones."""
+    values = tensors(path)
+    for name, module in backbone.named_modules():
+        if isinstance(module, ScaledConvolution):
+            _take_scaled(module, values, f"backbone.{name}", path)
+            length = module.kernel.flatten(1).norm(dim=1).clamp(1e-6) / 2**0.5
+            module.factor.copy_(length)
+            module.kernel.div_(length[:, None, None, None])
+
+
+def _take_scaled(module: ScaledConvolution, values: dict[str, torch.Tensor], name: str, path: pathlib.Path) -> None:
+    _fill(module.kernel, values, f"{name}.kernel", path)
+    _fill(module.offset, values, f"{name}.kernel.bias", path)
+    module.factor.fill_(1)
 
 
 def _counting(sums: dict, module: ConvolutionBlock):

@@ -1,6 +1,7 @@
 """What onnxruntime, Pillow and numpy make of some pictures: the host's tests compare with it.
 
-The file holds for each picture the input's values at some places, the network's strongest rows, and the boxes.
+The file holds for each picture the input's values at some places, the network's strongest rows, the boxes, and what the
+classifier makes of some of them.
 """
 
 import argparse
@@ -12,11 +13,14 @@ import onnxruntime
 from PIL import Image
 
 from .predict import boxes_of, letterbox
+from .regions import region
 
 LEAST_SCORE = 0.05
 # Places of the input that are compared, spread by a prime.
 STEP = 4099
 ROWS = 20
+# So many boxes are shown to the classifier.
+NAMED = 6
 # Two ways of shrinking a picture differ by a level here and there. A box that hangs on that is no fact about the network: among
 # cells that are all but equally sure, another one wins. Steady ones come back from so many inputs with such noise ...
 NOISY = 16
@@ -46,7 +50,18 @@ def steady(session: onnxruntime.InferenceSession, planes: numpy.ndarray, boxes: 
     return kept
 
 
-def golden(session: onnxruntime.InferenceSession, card: dict, path: pathlib.Path) -> dict:
+def named(session: onnxruntime.InferenceSession, side: int, picture: numpy.ndarray, boxes: numpy.ndarray) -> list[dict]:
+    """What the classifier makes of the first boxes."""
+    answer = []
+    for box in boxes[:NAMED]:
+        shares = session.run(None, {"region": region(picture, box[:4], side)[None]})[0].reshape(-1)
+        answer.append({"place": [float(value) for value in box[:4]], "shares": [float(share) for share in shares]})
+    return answer
+
+
+def golden(
+    session: onnxruntime.InferenceSession, card: dict, classifier: tuple[onnxruntime.InferenceSession, int] | None, path: pathlib.Path
+) -> dict:
     """One picture's values."""
     picture = numpy.asarray(Image.open(path).convert("RGB"))
     planes, back = letterbox(picture, card["input_side"])
@@ -66,6 +81,7 @@ def golden(session: onnxruntime.InferenceSession, card: dict, path: pathlib.Path
             {"class": int(box[5]), "score": float(box[4]), "place": [float(value) for value in box[:4]], "steady": is_steady}
             for box, is_steady in zip(boxes, firm)
         ],
+        "named": named(*classifier, picture, boxes) if classifier else [],
     }
 
 
@@ -73,6 +89,11 @@ def run(options: argparse.Namespace) -> None:
     """Writes the file."""
     card = json.loads(options.model.with_suffix(".json").read_text())
     session = onnxruntime.InferenceSession(str(options.model), providers=["CPUExecutionProvider"])
-    content = [golden(session, card, path) for path in options.pictures]
+    classifier = None
+    if "classifier" in card:
+        path = options.model.with_name(card["classifier"])
+        side = json.loads(path.with_suffix(".json").read_text())["input_side"]
+        classifier = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"]), side
+    content = [golden(session, card, classifier, path) for path in options.pictures]
     options.out.write_text(json.dumps(content) + "\n")
     print(f"{options.out}: {[len(entry['boxes']) for entry in content]} boxes")

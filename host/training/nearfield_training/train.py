@@ -4,13 +4,12 @@ import argparse
 import copy
 import ctypes
 import json
-import math
-import os
 import pathlib
 import time
 
 import numpy
 import torch
+from torch import nn
 from torch.utils.data import DataLoader, Dataset
 from tqdm import tqdm
 
@@ -18,18 +17,13 @@ from .dataset import Augmentation, Sample, class_names, read_coco
 from .from_onnx import take
 from .loss import detection_loss
 from .network import SCALES, Yolo
+from .schedule import Schedule, check_loss, save
 from .validate import mean_average_precision
 
-# The learning rate rises over this many steps, or over a tenth of a short training.
-WARM_UP_STEPS = 150
-# The learning rate ends at this share of its peak.
-LAST_SHARE = 0.02
 # A backbone that has learnt on ImageNet already learns on at this share of the rate.
 BACKBONE_SHARE = 0.3
 # In the last part of the training pictures are whole again, as they will be in use.
 WITHOUT_MOSAIC = 0.25
-# No step takes longer; what does was stopped in between.
-LONGEST_STEP_SECONDS = 60
 # So many inputs tell the statistics of an exported network's features.
 MEASURED, BATCH = 512, 16
 
@@ -106,9 +100,9 @@ class Run:
         torch.manual_seed(options.seed)
         self.names = options.classes.split(",") if options.classes else class_names(options.data / "train")
         self.network = Yolo(options.scale, len(self.names)).to(memory_format=torch.channels_last)
-        self.optimiser = torch.optim.AdamW(_groups(self.network), lr=options.rate, betas=(0.9, 0.99), fused=True)
+        self.optimiser = torch.optim.AdamW(learning_groups(self.network), lr=options.rate, betas=(0.9, 0.99), fused=True)
         self.average = MovingAverage(self.network)
-        self.epoch, self.step, self.best, self.seconds = 0, 0, -1.0, 0.0
+        self.schedule, self.best = Schedule(options), -1.0
         self.start_from: pathlib.Path | None = None
         if (self.out / "last.pt").exists() and not options.fresh:
             self._resume()
@@ -126,9 +120,9 @@ class Run:
         self.network.load_state_dict(state["network"])
         self.average.network.load_state_dict(state["average"])
         self.optimiser.load_state_dict(state["optimiser"])
-        self.average.steps = self.step = state["step"]
-        self.epoch, self.best, self.seconds = state["epoch"], state["best"], state["seconds"]
-        print(f"going on after epoch {self.epoch} of {self.out}/last.pt")
+        self.schedule.take(state)
+        self.average.steps, self.best = state["step"], state["best"]
+        print(f"going on after epoch {self.schedule.epoch} of {self.out}/last.pt")
 
     def _take_weights(self, path: pathlib.Path, train: list[Sample]) -> None:
         """Takes all weights that fit from a checkpoint, of other classes too; or everything from an exported network."""
@@ -145,25 +139,17 @@ class Run:
         self.average = MovingAverage(self.network)
         print(f"{len(fitting)} of {len(own)} tensors taken from {path}")
 
-    def progress(self) -> float:
-        """0 to 1: by epochs, or by time where that is nearer to its end."""
-        share = self.step / max(1, self.steps_in_all)
-        return min(1.0, max(share, self.seconds / 60 / self.options.minutes if self.options.minutes else 0.0))
-
     def save(self) -> None:
-        """Everything to go on after a kill; never half a file."""
+        """Everything to go on after a kill."""
         state = {"names": self.names, "scale": self.options.scale, "side": self.options.side, "seed": self.options.seed}
         state |= {"network": self.network.state_dict(), "average": self.average.network.state_dict()}
-        state |= {"optimiser": self.optimiser.state_dict(), "epoch": self.epoch, "step": self.step}
-        state |= {"best": self.best, "seconds": self.seconds}
-        torch.save(state, self.out / "last.tmp")
-        os.replace(self.out / "last.tmp", self.out / "last.pt")
+        state |= {"optimiser": self.optimiser.state_dict(), "best": self.best}
+        save(state | self.schedule.state(), self.out / "last.pt")
 
     def save_best(self) -> None:
         """Only the averaged weights and what is needed to use them."""
-        state = {"names": self.names, "scale": self.options.scale, "side": self.options.side, "epoch": self.epoch}
-        torch.save(state | {"seed": self.options.seed, "average": self.average.network.state_dict()}, self.out / "best.tmp")
-        os.replace(self.out / "best.tmp", self.out / "best.pt")
+        state = {"names": self.names, "scale": self.options.scale, "side": self.options.side, "epoch": self.schedule.epoch}
+        save(state | {"seed": self.options.seed, "average": self.average.network.state_dict()}, self.out / "best.pt")
 
     def train(self) -> None:
         """Until the epochs or the minutes are used up."""
@@ -173,17 +159,18 @@ class Run:
         print(f"{len(train)} pictures to learn from, {len(validation)} to validate, {len(self.names)} classes")
         if self.start_from:
             self._take_weights(self.start_from, train)
-        self.steps_in_all = len(train) // options.batch * options.epochs
-        while self.epoch < options.epochs and self.progress() < 1:
+        schedule = self.schedule
+        schedule.steps_in_all = len(train) // options.batch * options.epochs
+        while schedule.goes_on():
             losses = self._one_epoch(train)
-            self.epoch += 1
+            schedule.epoch += 1
             start = time.monotonic()
             at_50, at_all, by_class = mean_average_precision(copy.deepcopy(self.average.network), validation, options.side)
-            self.seconds += time.monotonic() - start
+            schedule.seconds += time.monotonic() - start
             better = at_50 + at_all > self.best
             self.best = max(self.best, at_50 + at_all)
-            entry = {"epoch": self.epoch, "box": losses[0], "objectness": losses[1], "class": losses[2]}
-            entry |= {"mAP50": round(at_50, 4), "mAP": round(at_all, 4), "seconds": round(self.seconds)}
+            entry = {"epoch": schedule.epoch, "box": losses[0], "objectness": losses[1], "class": losses[2]}
+            entry |= {"mAP50": round(at_50, 4), "mAP": round(at_all, 4), "seconds": round(schedule.seconds)}
             entry["AP50"] = {name: round(value, 3) for name, value in zip(self.names, by_class)}
             with (self.out / "log.jsonl").open("a") as log:
                 log.write(json.dumps(entry) + "\n")
@@ -194,52 +181,42 @@ class Run:
 
     def _one_epoch(self, train: list[Sample]) -> list[float]:
         options = self.options
-        mosaic = 0.0 if self.progress() > 1 - WITHOUT_MOSAIC else options.mosaic
-        inputs = Inputs(train, options.side, mosaic, options.seed, self.epoch)
-        order = torch.Generator().manual_seed(options.seed * 100_003 + self.epoch)
+        mosaic = 0.0 if self.schedule.progress() > 1 - WITHOUT_MOSAIC else options.mosaic
+        inputs = Inputs(train, options.side, mosaic, options.seed, self.schedule.epoch)
+        order = torch.Generator().manual_seed(options.seed * 100_003 + self.schedule.epoch)
         loader = DataLoader(
             inputs, options.batch, shuffle=True, drop_last=True, generator=order, collate_fn=collate,
             num_workers=options.workers,
         )
         total = torch.zeros(3)
         self.network.train()
-        bar = tqdm(loader, desc=f"epoch {self.epoch + 1}", mininterval=5, dynamic_ncols=True)
+        bar = tqdm(loader, desc=f"epoch {self.schedule.epoch + 1}", mininterval=5, dynamic_ncols=True)
         done = 0
+        self.schedule.begin_epoch()
         for pictures, targets in bar:
-            start = time.monotonic()
             total += self._one_step(pictures, targets)
             done += 1
-            waited = getattr(self, "last_end", start)
-            self.last_end = time.monotonic()
-            # Waiting for the next batch counts too, but not a pause, between two runs of the program or while it is stopped.
-            self.seconds += min(self.last_end - waited, LONGEST_STEP_SECONDS)
-            if self.progress() >= 1:
+            self.schedule.count_step()
+            if self.schedule.progress() >= 1:
                 break
         return [round(float(value), 4) for value in total / max(1, done)]
 
     def _one_step(self, pictures: torch.Tensor, targets: torch.Tensor) -> torch.Tensor:
-        options = self.options
-        warm_up = min(WARM_UP_STEPS, self.steps_in_all // 10 + 1)
-        rate = options.rate * min(1, (self.step + 1) / warm_up)
-        rate *= LAST_SHARE + (1 - LAST_SHARE) * 0.5 * (1 + math.cos(math.pi * self.progress()))
-        for group in self.optimiser.param_groups:
-            group["lr"] = rate * group["share"]
+        self.schedule.set_rate(self.optimiser)
         inputs = as_input(pictures)
         with torch.autocast("cpu", dtype=torch.bfloat16):
             outputs = self.network(inputs)
         loss, parts = detection_loss(self.network, outputs, targets)
-        if not torch.isfinite(loss):
-            raise SystemExit(f"the loss is {float(loss)} in step {self.step}; a smaller --rate helps")
+        check_loss(loss, self.schedule.step)
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), 10.0)
         self.optimiser.step()
         self.average.update(self.network)
-        self.step += 1
         return parts
 
 
-def _groups(network: Yolo) -> list[dict]:
+def learning_groups(network: nn.Module) -> list[dict]:
     """What learns: kernels with weight decay, offsets and factors without; a backbone slower than the rest."""
     groups = []
     for in_backbone, share in ((False, 1.0), (True, BACKBONE_SHARE)):
