@@ -37,13 +37,32 @@ fn frames(criterion: &mut Criterion) {
             ((1280, 720), Tiling::Windows(30), "tiles"),
         ] {
             let settings = Settings { tiling, least_score: None };
-            let mut detector = Choice { model: None, backend, settings, threads: 1 }.load().unwrap();
+            let mut detector =
+                Choice { model: None, backend, settings, second_look: true, threads: 1 }.load().unwrap();
             let picture = picture(size.0, size.1);
             let view = Picture::try_from(&picture).unwrap();
             group.bench_function(format!("{name}/{}x{}/{windows}", size.0, size.1), |bencher| {
                 bencher.iter(|| black_box(detector.detect(view).unwrap().len()));
             });
         }
+    }
+    group.finish();
+}
+
+/// The same picture of a floor with things on it, looked at once and twice.
+fn looks(criterion: &mut Criterion) {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/goldens/square.png");
+    let picture = image::open(path).unwrap().to_rgb8();
+    let view = Picture::try_from(&picture).unwrap();
+    let mut group = criterion.benchmark_group("crowded floor");
+    group.sample_size(20).measurement_time(Duration::from_secs(4));
+    for (second_look, name) in [(false, "one look"), (true, "second look")] {
+        let settings = Settings { tiling: Tiling::Off, least_score: None };
+        let choice = Choice { model: None, backend: Backend::Rten, settings, second_look, threads: 1 };
+        let mut detector = choice.load().unwrap();
+        group.bench_function(name, |bencher| {
+            bencher.iter(|| black_box(detector.detect(view).unwrap().len()));
+        });
     }
     group.finish();
 }
@@ -58,5 +77,5 @@ fn preparation(criterion: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, frames, preparation);
+criterion_group!(benches, frames, looks, preparation);
 criterion_main!(benches);

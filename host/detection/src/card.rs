@@ -70,6 +70,9 @@ pub struct Card {
     /// slow at these; others ignore it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub steps: Vec<Step>,
+    /// File of the network that names the found places once more, beside this card; none: no second look.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub classifier: Option<String>,
     /// Data, seed, epochs, metrics: for the reader.
     #[serde(default)]
     pub about: serde_json::Value,
@@ -165,6 +168,11 @@ impl Card {
         if !card.operating_scores.iter().all(share) || !share(&card.largest_overlap) {
             return Err(bad("operating_scores and largest_overlap are between 0 and 1".to_owned()));
         }
+        if card.classifier.as_ref().is_some_and(|file| Path::new(file).file_name() != Some(file.as_ref())) {
+            return Err(
+                bad("classifier is the name of a file beside this card, without a folder".to_owned()),
+            );
+        }
         if !card.calibration.is_usable() {
             return Err(bad("calibration: slope must be positive, both numbers finite".to_owned()));
         }
@@ -197,6 +205,7 @@ pub(crate) mod tests {
             operating_scores: vec![0.4, 0.1],
             calibration: Calibration::default(),
             steps: Vec::new(),
+            classifier: None,
             about: serde_json::Value::Null,
         }
     }
@@ -209,11 +218,13 @@ pub(crate) mod tests {
 
     #[test]
     fn contradictions_are_refused_by_name() {
-        let cases: [(Card, &str); 6] = [
+        let cases: [(Card, &str); 8] = [
             (Card { schema: "other".to_owned(), ..sample() }, "schema"),
             (Card { input_side: 100, ..sample() }, "input_side"),
             (Card { operating_scores: vec![0.4], ..sample() }, "operating_scores"),
             (Card { operating_scores: vec![0.4, 1.5], ..sample() }, "operating_scores"),
+            (Card { classifier: Some("../other.onnx".to_owned()), ..sample() }, "classifier"),
+            (Card { classifier: Some(String::new()), ..sample() }, "classifier"),
             (Card { largest_overlap: -1.0, ..sample() }, "largest_overlap"),
             (Card { calibration: Calibration { slope: 0.0, intercept: 0.0 }, ..sample() }, "calibration"),
         ];

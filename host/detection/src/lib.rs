@@ -1,7 +1,7 @@
 //! Tier 3: what is it? Object detection on the floor in front of the robot, and how good it is.
 //!
 //! ```text
-//!  picture -> tiles -> letterbox -> network (rten | onnxruntime | Hailo) -> decode -> suppress -> detections
+//!  picture -> tiles -> letterbox -> network (rten | onnxruntime | Hailo) -> decode -> suppress -> classifier -> detections
 //!                                                                              \-> or "unknown", with the reason
 //! ```
 //!
@@ -12,6 +12,7 @@
 //! | [`network`] | detectors made of a network and its [`card`] |
 //! | [`backend`] | rten (default), onnxruntime (feature `ort`), Hailo (feature `hailo`), recorded detections |
 //! | [`letterbox`], [`tiles`], [`decode`], [`suppress`] | what stands before and after a network |
+//! | [`classifier`] | a second look at each found place: what is it? |
 //! | [`calibration`] | from scores to probabilities |
 //! | [`model`] | the network that comes along, or one from a file |
 //! | [`evaluate`] | how good a detector is, on any folder with COCO annotations |
@@ -25,6 +26,7 @@ pub mod boxes;
 pub mod calibration;
 pub mod card;
 pub mod class;
+pub mod classifier;
 pub mod cli;
 pub mod decode;
 pub mod detector;

@@ -4,12 +4,16 @@ use std::path::{Path, PathBuf};
 
 use crate::backend::rten::RtenNetwork;
 use crate::card::{Card, ModelError};
+use crate::classifier::{Classifier, ClassifierCard};
 use crate::network::{Decoded, Network, NetworkDetector, Settings};
 
 /// The network that comes with this crate; its story is told in `model/MODEL.md`.
 const SHIPPED_NETWORK: &[u8] = include_bytes!("../model/detector.onnx");
 /// Its card.
 const SHIPPED_CARD: &str = include_str!("../model/detector.json");
+/// The network that names what that one found, and its card.
+const SHIPPED_CLASSIFIER: &[u8] = include_bytes!("../model/classifier.onnx");
+const SHIPPED_CLASSIFIER_CARD: &str = include_str!("../model/classifier.json");
 /// How it is named in messages.
 const SHIPPED_NAME: &str = "the built-in network";
 
@@ -34,6 +38,8 @@ pub struct Choice {
     pub backend: Backend,
     /// How to look.
     pub settings: Settings,
+    /// Name what was found once more, if the network's card names a classifier.
+    pub second_look: bool,
     /// Threads on the processor.
     pub threads: usize,
 }
@@ -50,13 +56,34 @@ impl Choice {
         };
         let network: Box<dyn Network> = match self.backend {
             Backend::Rten => {
-                let network = RtenNetwork::new(self.onnx()?, &card, self.threads, &path)?;
+                let network =
+                    RtenNetwork::new(self.onnx()?, card.input_side, &card.steps, self.threads, &path)?;
                 Box::new(Decoded::new(network, &card))
             }
             Backend::Ort => onnxruntime(&self.onnx()?, &card, self.threads, &path)?,
             Backend::Hailo => hailo(self.model.as_deref(), &card)?,
         };
-        NetworkDetector::new(network, card, self.settings)
+        let classifier = self.classifier(&card, &path)?;
+        let detector = NetworkDetector::new(network, card, self.settings)?;
+        Ok(match classifier {
+            Some(classifier) => detector.with_classifier(classifier),
+            None => detector,
+        })
+    }
+
+    /// The classifier that the card of the network at `path` names. It runs on the processor, whatever runs the network.
+    fn classifier(&self, card: &Card, path: &Path) -> Result<Option<Classifier>, ModelError> {
+        let Some(file) = card.classifier.as_ref().filter(|_| self.second_look) else { return Ok(None) };
+        if self.model.is_none() {
+            let path = Path::new(SHIPPED_NAME);
+            let own = ClassifierCard::parse(SHIPPED_CLASSIFIER_CARD, &card.classes, path)?;
+            return Classifier::load(SHIPPED_CLASSIFIER.to_vec(), own, self.threads, path).map(Some);
+        }
+        let path = path.with_file_name(file);
+        let own = ClassifierCard::beside(&path, &card.classes)?;
+        let onnx =
+            std::fs::read(&path).map_err(|source| ModelError::Unreadable { path: path.clone(), source })?;
+        Classifier::load(onnx, own, self.threads, &path).map(Some)
     }
 
     fn onnx(&self) -> Result<Vec<u8>, ModelError> {
@@ -112,7 +139,7 @@ mod tests {
 
     fn choice() -> Choice {
         let settings = Settings { tiling: Tiling::Off, least_score: None };
-        Choice { model: None, backend: Backend::Rten, settings, threads: 1 }
+        Choice { model: None, backend: Backend::Rten, settings, second_look: true, threads: 1 }
     }
 
     #[test]

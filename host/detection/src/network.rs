@@ -1,6 +1,7 @@
 //! Detectors made of a network: the backend multiplies, everything before and after it is here.
 
 use crate::card::{Card, ModelError};
+use crate::classifier::Classifier;
 use crate::decode::{BEFORE_CLASSES, decode};
 use crate::detector::{Detection, Detector, MOST_DETECTIONS, Picture, Unknown, plausible};
 use crate::letterbox::{Letterbox, Placement};
@@ -30,7 +31,8 @@ impl<N: Network + ?Sized> Network for Box<N> {
 
 /// A network whose answer is still numbers, see [`crate::decode`].
 pub trait Rows: Send {
-    /// `rows` is emptied and filled.
+    /// `input` is as of [`Network::infer`], or several such inputs where the network takes them; `rows` is emptied and filled, with
+    /// one input's answer after the other's.
     ///
     /// # Errors
     /// [`Unknown`].
@@ -85,6 +87,8 @@ pub struct Settings {
 /// A detector made of a network and its card.
 pub struct NetworkDetector<N> {
     network: N,
+    /// Names what was found once more, if there is one.
+    classifier: Option<Classifier>,
     card: Card,
     settings: Settings,
     /// The smallest of the wanted scores.
@@ -104,6 +108,7 @@ impl<N: Network> NetworkDetector<N> {
         let smallest = card.operating_scores.iter().copied().fold(1.0, f32::min);
         let mut detector = Self {
             network,
+            classifier: None,
             settings,
             least_score: settings.least_score.unwrap_or(smallest),
             letterbox: Letterbox::new(card.input_side),
@@ -117,6 +122,12 @@ impl<N: Network> NetworkDetector<N> {
             what: format!("the network does not fit its card: {unknown}"),
         })?;
         Ok(detector)
+    }
+
+    /// Has what is found named once more by a classifier.
+    #[must_use]
+    pub fn with_classifier(self, classifier: Classifier) -> Self {
+        Self { classifier: Some(classifier), ..self }
     }
 
     /// The network's card.
@@ -148,15 +159,21 @@ impl<N: Network> NetworkDetector<N> {
         Ok(())
     }
 
-    /// Confidence for all, and away with what nobody asked for.
-    fn finish(&mut self) {
+    /// Names and confidence for all, and away with what nobody asked for.
+    fn finish(&mut self, picture: Picture<'_>) -> Result<(), Unknown> {
         let merged = self.looks.len() > 1;
         let (card, wanted) = (&self.card, self.settings.least_score);
         suppress(&mut self.detections, card.largest_overlap, merged, MOST_DETECTIONS);
+        if let Some(classifier) = &mut self.classifier {
+            classifier.name(picture, &mut self.detections, self.least_score)?;
+            // What has a new name may lie beside another of that name.
+            suppress(&mut self.detections, card.largest_overlap, false, MOST_DETECTIONS);
+        }
         self.detections.retain_mut(|detection| {
             detection.confidence = card.calibration.confidence(detection.score);
             detection.score >= wanted.unwrap_or(card.operating_scores[detection.class])
         });
+        Ok(())
     }
 }
 
@@ -183,7 +200,7 @@ impl<N: Network> Detector for NetworkDetector<N> {
         for index in 0..self.looks.len() {
             self.look(picture, self.looks[index])?;
         }
-        self.finish();
+        self.finish(picture)?;
         plausible(&self.detections, self.card.classes.len())?;
         Ok(&self.detections)
     }

@@ -7,7 +7,10 @@
 use std::path::{Path, PathBuf};
 
 use nearfield_detection::backend::rten::RtenNetwork;
+use nearfield_detection::boxes::BoundingBox;
 use nearfield_detection::card::{Card, Step};
+use nearfield_detection::class::is_human;
+use nearfield_detection::classifier::{Classifier, ClassifierCard};
 use nearfield_detection::detector::{Detection, Detector, Picture};
 use nearfield_detection::letterbox::{Letterbox, Window};
 use nearfield_detection::model::{Backend, Choice};
@@ -26,6 +29,8 @@ const BOX_SCORE: f32 = 0.02;
 /// The same for boxes that hang on a level of the input.
 const LOOSE_PIXELS: f32 = 8.0;
 const LOOSE_SCORE: f32 = 0.1;
+/// A classifier's shares: its input may differ by a level here and there.
+const SHARE: f32 = 0.05;
 /// As in the script.
 const LEAST_SCORE: f32 = 0.05;
 
@@ -35,6 +40,14 @@ struct Golden {
     input: Vec<(usize, f32)>,
     rows: Vec<GoldenRow>,
     boxes: Vec<GoldenBox>,
+    named: Vec<GoldenPlace>,
+}
+
+/// What the classifier makes of a place.
+#[derive(Deserialize)]
+struct GoldenPlace {
+    place: [f32; 4],
+    shares: Vec<f32>,
 }
 
 #[derive(Deserialize)]
@@ -92,7 +105,8 @@ fn the_input_is_pillows() {
 #[test]
 fn rten_computes_what_onnxruntime_computes() {
     let (onnx, card) = shipped();
-    let mut network = RtenNetwork::new(onnx, &card, 1, Path::new("detector.onnx")).unwrap();
+    let mut network =
+        RtenNetwork::new(onnx, card.input_side, &card.steps, 1, Path::new("detector.onnx")).unwrap();
     let mut letterbox = Letterbox::new(card.input_side);
     let mut rows = Vec::new();
     let length = 5 + card.classes.len();
@@ -123,7 +137,9 @@ fn a_network_in_pieces_answers_as_in_one() {
         let window = Window { left: 0, top: 0, width: picture.width(), height: picture.height() };
         let (input, _) = letterbox.fit(Picture::try_from(&picture).unwrap(), window).unwrap();
         let [one, other] = [&card, &whole].map(|card| {
-            let mut network = RtenNetwork::new(onnx.clone(), card, 1, Path::new("detector.onnx")).unwrap();
+            let mut network =
+                RtenNetwork::new(onnx.clone(), card.input_side, &card.steps, 1, Path::new("detector.onnx"))
+                    .unwrap();
             let mut rows = Vec::new();
             network.infer(input, &mut rows).unwrap();
             rows
@@ -140,7 +156,10 @@ fn steps_that_do_not_fit_are_refused_by_name() {
     let (onnx, card) = shipped();
     let step = Step { takes: vec!["no such tensor".to_owned()], gives: Vec::new(), depthwise: None };
     let card = Card { steps: vec![step], ..card };
-    let error = RtenNetwork::new(onnx, &card, 1, Path::new("mine.onnx")).err().unwrap().to_string();
+    let error = RtenNetwork::new(onnx, card.input_side, &card.steps, 1, Path::new("mine.onnx"))
+        .err()
+        .unwrap()
+        .to_string();
     assert!(error.contains("mine.onnx") && error.contains("no such tensor"), "{error}");
 }
 
@@ -175,7 +194,8 @@ fn agrees(golden: &Golden, found: &[Detection]) {
 
 fn boxes_agree(backend: Backend) {
     let settings = Settings { tiling: Tiling::Off, least_score: Some(LEAST_SCORE) };
-    let mut detector = Choice { model: None, backend, settings, threads: 1 }.load().unwrap();
+    let mut detector =
+        Choice { model: None, backend, settings, second_look: false, threads: 1 }.load().unwrap();
     for (golden, picture) in goldens() {
         agrees(&golden, detector.detect(Picture::try_from(&picture).unwrap()).unwrap());
     }
@@ -184,6 +204,63 @@ fn boxes_agree(backend: Backend) {
 #[test]
 fn rten_finds_the_same_boxes() {
     boxes_agree(Backend::Rten);
+}
+
+fn box_of([left, top, right, bottom]: &[f32; 4]) -> BoundingBox {
+    BoundingBox { left: *left, top: *top, right: *right, bottom: *bottom }
+}
+
+/// The rule: a place is named the same alone and among others, and as by another program.
+#[test]
+fn the_classifier_tells_what_onnxruntime_tells() {
+    let (_, card) = shipped();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("model").join(card.classifier.as_ref().unwrap());
+    let own = ClassifierCard::beside(&path, &card.classes).unwrap();
+    let mut classifier = Classifier::load(std::fs::read(&path).unwrap(), own, 1, &path).unwrap();
+    let mut judged = 0;
+    for (golden, picture) in goldens() {
+        let view = Picture::try_from(&picture).unwrap();
+        let places: Vec<BoundingBox> = golden.named.iter().map(|named| box_of(&named.place)).collect();
+        let together = classifier.look(view, &places).unwrap().to_vec();
+        for (place, together) in places.iter().zip(together.chunks_exact(card.classes.len() + 1)) {
+            let alone = classifier.look(view, &[*place]).unwrap();
+            assert!(alone.iter().zip(together).all(|(one, other)| (one - other).abs() < 1e-4), "{place:?}");
+        }
+        for GoldenPlace { place, shares } in &golden.named {
+            let found = classifier.look(view, &[box_of(place)]).unwrap();
+            assert_eq!(found.len(), shares.len());
+            let worst = found.iter().zip(shares).map(|(one, other)| (one - other).abs()).fold(0.0, f32::max);
+            assert!(worst < SHARE, "{}: {place:?}: {found:?}, not {shares:?}", golden.picture);
+            judged += 1;
+        }
+    }
+    assert!(judged >= 5);
+}
+
+/// The rule: the second look finds nothing new and hides nobody.
+#[test]
+fn the_second_look_keeps_every_person() {
+    let found = |second_look: bool, picture: &image::RgbImage| {
+        let settings = Settings { tiling: Tiling::Off, least_score: Some(LEAST_SCORE) };
+        let choice = Choice { model: None, backend: Backend::Rten, settings, second_look, threads: 1 };
+        let mut detector = choice.load().unwrap();
+        let people: Vec<bool> = detector.classes().iter().map(|name| is_human(name)).collect();
+        (detector.detect(Picture::try_from(picture).unwrap()).unwrap().to_vec(), people)
+    };
+    for (golden, picture) in goldens() {
+        let ((before, people), (after, _)) = (found(false, &picture), found(true, &picture));
+        for person in before.iter().filter(|one| people[one.class]) {
+            let kept = after.iter().any(|one| {
+                one.class == person.class
+                    && one.score >= person.score
+                    && one.place.overlap(&person.place) >= 0.5
+            });
+            assert!(kept, "{}: {person:?} is gone", golden.picture);
+        }
+        for one in &after {
+            assert!(before.iter().any(|other| other.place == one.place), "{}: {one:?}", golden.picture);
+        }
+    }
 }
 
 #[cfg(feature = "ort")]

@@ -27,6 +27,7 @@ fn card() -> Card {
         operating_scores: vec![0.1; 3],
         calibration: Calibration::default(),
         steps: Vec::new(),
+        classifier: None,
         about: serde_json::Value::Null,
     }
 }

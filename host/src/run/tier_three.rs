@@ -27,7 +27,7 @@ pub fn eye(chosen: &Detector) -> anyhow::Result<DetectorEye<Watched>> {
         other => bail!("detector.backend = \"{other}\" replays files and cannot look at live pictures"),
     };
     let settings = Settings { tiling: Tiling::Windows(5), least_score: None };
-    let choice = Choice { model: chosen.model.clone(), backend, settings, threads: 1 };
+    let choice = Choice { model: chosen.model.clone(), backend, settings, second_look: true, threads: 1 };
     let deadline = Duration::from_millis(chosen.deadline_ms.into());
     let start = move || -> anyhow::Result<Watched> {
         step_back();

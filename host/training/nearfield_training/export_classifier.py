@@ -15,7 +15,7 @@ from .regions import CONTEXT
 
 NAME = "classifier"
 # The classifier's part in the mixed score, and how many places of a picture it names: chosen on the validation pictures.
-WEIGHT, MOST_PLACES = 0.5, 8
+WEIGHT, MOST_PLACES = 0.6, 8
 
 
 def load(path: pathlib.Path) -> tuple[Classifier, dict]:

@@ -4,6 +4,8 @@
 //! that takes longer than the arithmetic. Here a band of rows goes through all three layers while it is in the core's cache;
 //! only narrow features are kept. Matrices are multiplied by `rten-gemm`, as in rten itself.
 
+use std::ops::Range;
+
 use rten_gemm::{GemmExecutor, GemmInputA, GemmInputB, GemmOptions, PackedAMatrix};
 use rten_tensor::NdTensorView;
 use rten_tensor::prelude::*;
@@ -104,40 +106,57 @@ impl Bottleneck {
         [self.filter.outputs(rows), self.filter.outputs(columns)]
     }
 
-    /// From `input` (channels, rows, columns) to `output` (channels, rows and columns by [`Self::shape`]), whose former content
-    /// is lost.
+    /// From `input` (channels, pictures, rows, columns) to `output` (channels, pictures, rows and columns by [`Self::shape`]), whose
+    /// former content is lost.
     ///
     /// # Errors
     /// `input` has another size.
     pub fn run(
         &mut self,
         input: &[f32],
-        rows: usize,
-        columns: usize,
+        [pictures, rows, columns]: [usize; 3],
         output: &mut Vec<f32>,
     ) -> Result<(), String> {
-        if rows == 0 || columns == 0 || input.len() != self.inputs() * rows * columns {
+        let numbers = self.inputs() * pictures * rows * columns;
+        if numbers == 0 || input.len() != numbers {
             let inputs = self.inputs();
-            return Err(format!("{} numbers are not {inputs} channels of {rows} x {columns}", input.len()));
+            let shape = format!("{inputs} channels of {pictures} times {rows} x {columns}");
+            return Err(format!("{} numbers are not {shape}", input.len()));
         }
         let [rows_out, columns_out] = self.shape(rows, columns);
-        output.resize(self.outputs() * rows_out * columns_out, 0.0);
-        let of_one_row = self.filter.channels() * columns;
-        let bands = (of_one_row * rows).div_ceil(self.wide_numbers);
+        output.resize(self.outputs() * pictures * rows_out * columns_out, 0.0);
+        // Large pictures are cut into bands; of small ones several make a band, so that the weights are fetched less often.
+        let of_one_picture = self.filter.channels() * columns * rows;
+        let bands = of_one_picture.div_ceil(self.wide_numbers);
         let height = rows_out.div_ceil(bands).next_multiple_of(BLOCK);
-        for first in (0..rows_out).step_by(height) {
-            let band = self.filter.band(first..rows_out.min(first + height), rows, columns);
-            self.band(input, band, output)?;
+        let together = (self.wide_numbers / of_one_picture).max(1);
+        for first_picture in (0..pictures).step_by(together) {
+            let some = first_picture..pictures.min(first_picture + together);
+            for first in (0..rows_out).step_by(height) {
+                let band = self.filter.band(first..rows_out.min(first + height), rows, columns);
+                self.band(input, pictures, some.clone(), band, output)?;
+            }
         }
         Ok(())
     }
 
-    /// Some rows of the output.
-    fn band(&mut self, input: &[f32], band: Band, output: &mut [f32]) -> Result<(), String> {
-        let plane = band.rows * band.columns;
-        let pixels = band.source.start * band.columns..band.source.end * band.columns;
-        let out = band.result.start * band.columns_out..band.result.end * band.columns_out;
+    /// Some rows of the output of one picture, or all rows of some pictures of `pictures`.
+    fn band(
+        &mut self,
+        input: &[f32],
+        pictures: usize,
+        some: Range<usize>,
+        band: Band,
+        output: &mut [f32],
+    ) -> Result<(), String> {
+        let picture = band.rows * band.columns;
+        let plane = pictures * picture;
         let plane_out = output.len() / self.outputs();
+        let [needed, made] = [band.source.len() * band.columns, band.result.len() * band.columns_out];
+        let first = some.start * picture + band.source.start * band.columns;
+        let pixels = first..first + (some.len() - 1) * picture + needed;
+        let first_out = some.start * (plane_out / pictures) + band.result.start * band.columns_out;
+        let out = first_out..first_out + some.len() * made;
         let mut source = (&input[pixels.start..], plane);
         if self.filter.outputs(2) == 1 {
             self.sort(input, plane, pixels.clone(), band.columns);
@@ -150,12 +169,19 @@ impl Bottleneck {
             layer.run(view.map_err(|error| error.to_string())?, &mut self.wide)?;
             source = (&self.wide[..], pixels.len());
         }
+        let (numbers, distance) = source;
         let Some(project) = &self.project else {
-            self.filter.run(source.0, source.1, &band, &mut output[out.start..], plane_out);
+            for index in 0..some.len() {
+                let target = &mut output[out.start + index * made..];
+                self.filter.run(&numbers[index * picture..], distance, &band, target, plane_out);
+            }
             return Ok(());
         };
         self.filtered.resize(self.filter.channels() * out.len(), 0.0);
-        self.filter.run(source.0, source.1, &band, &mut self.filtered, out.len());
+        for index in 0..some.len() {
+            let target = &mut self.filtered[index * made..];
+            self.filter.run(&numbers[index * picture..], distance, &band, target, out.len());
+        }
         let filtered = NdTensorView::from_data([self.filter.channels(), out.len()], &self.filtered[..]);
         project.run(filtered, &mut self.narrow)?;
         for (channel, (numbers, bias)) in self.narrow.chunks_exact(out.len()).zip(&project.bias).enumerate() {
@@ -171,7 +197,7 @@ impl Bottleneck {
     }
 
     /// Sorts the columns of a band's input: there are fewer of these numbers than of wide ones.
-    fn sort(&mut self, input: &[f32], plane: usize, pixels: std::ops::Range<usize>, columns: usize) {
+    fn sort(&mut self, input: &[f32], plane: usize, pixels: Range<usize>, columns: usize) {
         self.sorted.resize(self.inputs() * pixels.len(), 0.0);
         let channels = input.chunks_exact(plane).zip(self.sorted.chunks_exact_mut(pixels.len()));
         for (numbers, target) in channels {

@@ -10,7 +10,7 @@ use rten_tensor::{NdTensor, NdTensorView};
 
 use super::bottleneck::{Bottleneck, Pointwise};
 use super::depthwise::Depthwise;
-use crate::card::{Card, DepthwiseLayer, ModelError, Step};
+use crate::card::{DepthwiseLayer, ModelError, Step};
 use crate::detector::Unknown;
 use crate::network::Rows;
 
@@ -42,11 +42,17 @@ struct Layer {
 }
 
 impl RtenNetwork {
-    /// Loads an ONNX file's bytes with its card, to run on `threads` threads.
+    /// Loads an ONNX file's bytes for an input of `side` x `side` pixels, cut by its card's `steps`, to run on `threads` threads.
     ///
     /// # Errors
     /// [`ModelError::BadNetwork`]; `path` is for the message only.
-    pub fn new(onnx: Vec<u8>, card: &Card, threads: usize, path: &Path) -> Result<Self, ModelError> {
+    pub fn new(
+        onnx: Vec<u8>,
+        side: u32,
+        steps: &[Step],
+        threads: usize,
+        path: &Path,
+    ) -> Result<Self, ModelError> {
         let bad = |what: String| ModelError::BadNetwork { path: path.to_owned(), what };
         // Weights are laid out for the processor once, here, and not at every picture.
         let mut options = rten::ModelOptions::with_all_ops();
@@ -58,10 +64,10 @@ impl RtenNetwork {
         };
         let (input, output) = (*input, *output);
         let pool = Arc::new(ThreadPool::with_num_threads(threads.max(1)));
-        let pieces = pieces(&model, &card.steps).map_err(|what| {
+        let pieces = pieces(&model, steps).map_err(|what| {
             bad(format!("the card's steps do not fit the network: {what}; export both again, or remove `steps` from the card"))
         })?;
-        Ok(Self { model, input, output, side: card.input_side as usize, pool, pieces })
+        Ok(Self { model, input, output, side: side as usize, pool, pieces })
     }
 
     fn options(&self) -> RunOptions {
@@ -114,19 +120,20 @@ impl RtenNetwork {
 
 impl Layer {
     fn run(&mut self, value: &Value) -> Result<Value, String> {
-        let view: NdTensorView<'_, f32, 4> = value
-            .as_view()
-            .try_into()
-            .map_err(|_| "a convolution's input is not made of numbers for one picture")?;
-        let [pictures, channels, rows, columns] = view.shape();
-        if pictures != 1 || channels != self.block.inputs() {
+        let view: NdTensorView<'_, f32, 4> =
+            value.as_view().try_into().map_err(|_| "a convolution's input is not made of numbers")?;
+        // Blocks take all pictures channel by channel; one block hands them to the next as they lie.
+        let by_channel = view.permuted([1, 0, 2, 3]);
+        let [channels, pictures, rows, columns] = by_channel.shape();
+        if channels != self.block.inputs() {
             let shape = view.shape();
             return Err(format!("a convolution of {} channels cannot take {shape:?}", self.block.inputs()));
         }
         let mut result = Vec::new();
-        self.block.run(view.to_contiguous().data(), rows, columns, &mut result)?;
+        self.block.run(by_channel.to_contiguous().data(), [pictures, rows, columns], &mut result)?;
         let [rows_out, columns_out] = self.block.shape(rows, columns);
-        Ok(NdTensor::from_data([1, self.block.outputs(), rows_out, columns_out], result).into())
+        let result = NdTensor::from_data([self.block.outputs(), pictures, rows_out, columns_out], result);
+        Ok(result.into_permuted([1, 0, 2, 3]).into())
     }
 
     /// The layer that a card names, with the network's weights.
@@ -187,15 +194,17 @@ fn constant(model: &Model, id: NodeId, name: &str) -> Result<Vec<f32>, String> {
 impl Rows for RtenNetwork {
     fn infer(&mut self, input: &[f32], rows: &mut Vec<f32>) -> Result<(), Unknown> {
         let failed = |what: String| Unknown::Failed { what };
-        let shape = [1, 3, self.side, self.side];
+        let one = 3 * self.side * self.side;
+        let shape = [input.len() / one, 3, self.side, self.side];
         let picture = NdTensorView::try_from_data(shape, input).map_err(|error| failed(error.to_string()))?;
         // All of it on one thread: what a piece leaves in that core's cache, the next one finds there.
         let pool = Arc::clone(&self.pool);
         let answer =
             pool.run(|| if self.pieces.is_empty() { self.whole(picture) } else { self.in_pieces(picture) });
-        let answer: NdTensor<f32, 3> = answer.map_err(failed)?.try_into().map_err(|_| Unknown::Nonsense {
-            what: "the answer is not a table of numbers for one picture".to_owned(),
-        })?;
+        let answer: NdTensor<f32, 3> = answer
+            .map_err(failed)?
+            .try_into()
+            .map_err(|_| Unknown::Nonsense { what: "the answer is not a table of numbers".to_owned() })?;
         rows.clear();
         match answer.data() {
             Some(numbers) => rows.extend_from_slice(numbers),

@@ -34,6 +34,9 @@ pub struct DetectorArguments {
     /// Look at most at so many windows of a picture: the whole, then ever finer overlapping tiles; 1: no tiles.
     #[arg(long, value_name = "NUMBER", default_value_t = 30, value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub windows: u16,
+    /// Do not name what was found once more by the classifier that the network's card names: quicker, names more things wrongly.
+    #[arg(long)]
+    pub no_second_look: bool,
     /// Threads on the processor.
     #[arg(long, value_name = "NUMBER", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=64))]
     pub threads: u16,
@@ -48,6 +51,7 @@ impl DetectorArguments {
             model: self.model.clone(),
             backend: self.backend,
             settings: Settings { tiling, least_score },
+            second_look: !self.no_second_look,
             threads: self.threads.into(),
         }
     }

@@ -124,10 +124,12 @@ fn pointwise(
 }
 
 proptest! {
-    /// The rule: in bands of whatever height, with any of its parts left out, a block is its layers one after the other.
+    /// The rule: in bands of whatever height, for pictures apart or together, with any of its parts left out, a block is its layers
+    /// one after the other.
     #[test]
     fn it_is_its_layers_one_after_the_other(
         channels in (1_usize..7, 1_usize..15, 1_usize..7),
+        pictures in 1_usize..5,
         rows in 1_usize..30,
         columns in 1_usize..30,
         half in 0_usize..4,
@@ -142,13 +144,23 @@ proptest! {
         block.wide_numbers = wide_numbers;
         // Twice: what the first picture left in the buffers must not be seen in the second.
         for seed in [seed ^ 5, seed ^ 6] {
-            let input = numbers(weights.inputs * rows * columns, seed);
-            let expected = weights.by_definition(&input, rows, columns);
+            let [pixels, channels] = [rows * columns, weights.inputs];
+            let input = numbers(channels * pictures * pixels, seed);
             let mut output = vec![9.0; 3];
-            block.run(&input, rows, columns, &mut output).unwrap();
-            prop_assert_eq!(output.len(), expected.len());
-            for (found, exact) in output.iter().zip(&expected) {
-                prop_assert!((f64::from(*found) - exact).abs() < 1e-4, "{} instead of {}", found, exact);
+            block.run(&input, [pictures, rows, columns], &mut output).unwrap();
+            let [rows_out, columns_out] = block.shape(rows, columns);
+            let made = rows_out * columns_out;
+            prop_assert_eq!(output.len(), block.outputs() * pictures * made);
+            for picture in 0..pictures {
+                let own = |channel: usize| &input[(channel * pictures + picture) * pixels..][..pixels];
+                let alone: Vec<f32> = (0..channels).flat_map(own).copied().collect();
+                let expected = weights.by_definition(&alone, rows, columns);
+                for (channel, expected) in expected.chunks_exact(made).enumerate() {
+                    let found = &output[(channel * pictures + picture) * made..][..made];
+                    for (found, exact) in found.iter().zip(expected) {
+                        prop_assert!((f64::from(*found) - exact).abs() < 1e-4, "{} instead of {}", found, exact);
+                    }
+                }
             }
         }
     }
@@ -180,6 +192,7 @@ fn layers_that_do_not_fit_are_refused() {
     assert!(Pointwise::new(&[], vec![]).is_none());
     assert!(Pointwise::new(&[], vec![0.0; 2]).is_none());
     let mut block = good.bottleneck().unwrap();
-    assert!(block.run(&[0.0; 3 * 20 + 1], 4, 5, &mut Vec::new()).is_err());
-    assert!(block.run(&[], 0, 5, &mut Vec::new()).is_err());
+    assert!(block.run(&[0.0; 3 * 20 + 1], [1, 4, 5], &mut Vec::new()).is_err());
+    assert!(block.run(&[], [1, 0, 5], &mut Vec::new()).is_err());
+    assert!(block.run(&[], [0, 4, 5], &mut Vec::new()).is_err());
 }

@@ -16,6 +16,7 @@ fn card() -> Card {
         operating_scores: vec![0.5, 0.3, 0.7],
         calibration: Calibration::default(),
         steps: Vec::new(),
+        classifier: None,
         about: serde_json::Value::Null,
     }
 }
