@@ -6,7 +6,6 @@ own resolution, and learns nothing but names, tells them better. The host mixes 
 """
 
 import argparse
-import copy
 import json
 import pathlib
 
@@ -20,8 +19,8 @@ from .backbone import CHANNELS, LiteBackbone
 from .dataset import Sample, degrade, read_coco
 from .from_onnx import take_backbone
 from .regions import collect, region
-from .schedule import Schedule, check_loss, save
-from .train import as_input, keep_memory, learning_groups
+from .schedule import Schedule, check_loss, prepare, save
+from .train import MovingAverage, as_input, learning_groups
 
 SIDE = 64
 # So many inputs show what is no object.
@@ -99,10 +98,7 @@ class Run:
 
     def __init__(self, options: argparse.Namespace):
         self.options, self.out = options, options.out
-        self.out.mkdir(parents=True, exist_ok=True)
-        keep_memory()
-        torch.set_num_threads(options.threads)
-        torch.manual_seed(options.seed)
+        prepare(options)
         self.names = json.loads(options.detector.with_suffix(".json").read_text())["classes"]
         self.network = Classifier(len(self.names)).to(memory_format=torch.channels_last)
         self.schedule, self.best = Schedule(options), -1.0
@@ -114,7 +110,7 @@ class Run:
         elif not resumed:
             self.network.backbone.take_published_weights()
         self.optimiser = torch.optim.AdamW(learning_groups(self.network), lr=options.rate, betas=(0.9, 0.99), fused=True)
-        self.average = copy.deepcopy(self.network).eval()
+        self.average = MovingAverage(self.network)
         if resumed:
             self._resume()
 
@@ -123,15 +119,15 @@ class Run:
         if state["names"] != self.names:
             raise SystemExit(f"{self.out}/last.pt has other classes; choose another --out or give --fresh")
         self.network.load_state_dict(state["network"])
-        self.average.load_state_dict(state["average"])
+        self.average.network.load_state_dict(state["average"])
         self.optimiser.load_state_dict(state["optimiser"])
         self.schedule.take(state)
-        self.best = state["best"]
+        self.average.steps, self.best = state["step"], state["best"]
         print(f"going on after epoch {self.schedule.epoch} of {self.out}/last.pt")
 
     def save(self, better: bool) -> None:
         """Everything to go on after a kill, and the weights if they are the best."""
-        state = {"names": self.names, "average": self.average.state_dict(), "best": self.best} | self.schedule.state()
+        state = {"names": self.names, "average": self.average.network.state_dict(), "best": self.best} | self.schedule.state()
         save(state | {"network": self.network.state_dict(), "optimiser": self.optimiser.state_dict()}, self.out / "last.pt")
         if better:
             save(state, self.out / "best.pt")
@@ -197,15 +193,8 @@ class Run:
         loss.backward()
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), 10.0)
         self.optimiser.step()
-        self._take_into_average()
+        self.average.update(self.network)
         return float(loss.detach())
-
-    @torch.no_grad()
-    def _take_into_average(self) -> None:
-        step = self.schedule.step + 1
-        share = 1 - min(0.999, (1 + step) / (10 + step))
-        for average, current in zip(self.average.parameters(), self.network.parameters()):
-            average.lerp_(current, share)
 
     @torch.no_grad()
     def _measure(self, inputs: Regions) -> None:
@@ -217,7 +206,7 @@ class Run:
         for first in range(0, min(MEASURED, len(inputs)), self.options.batch):
             last = min(first + self.options.batch, len(inputs))
             self.network(as_input(torch.from_numpy(numpy.stack([inputs[index][0] for index in range(first, last)]))))
-        self.average = copy.deepcopy(self.network).eval()
+        self.average = MovingAverage(self.network)
 
     @torch.no_grad()
     def _judge(self, samples: list[Sample], rows: numpy.ndarray) -> tuple[float, float]:
@@ -227,7 +216,7 @@ class Run:
             chosen = rows[first : first + 256]
             inputs = numpy.stack([region(samples[int(row[0])].picture, row[2:], SIDE) for row in chosen])
             with torch.autocast("cpu", dtype=torch.bfloat16):
-                logits = self.average(torch.from_numpy(inputs).contiguous(memory_format=torch.channels_last))
+                logits = self.average.network(torch.from_numpy(inputs).contiguous(memory_format=torch.channels_last))
             right.append(logits.argmax(1).numpy() == chosen[:, 1])
         right, is_object = numpy.concatenate(right), rows[:, 1] < len(self.names)
         return tuple(float(right[part].mean()) if part.any() else 0.0 for part in (is_object, ~is_object))

@@ -2,7 +2,6 @@
 
 import argparse
 import copy
-import ctypes
 import json
 import pathlib
 import time
@@ -17,7 +16,7 @@ from .dataset import Augmentation, Sample, class_names, read_coco
 from .from_onnx import take
 from .loss import detection_loss
 from .network import SCALES, Yolo
-from .schedule import Schedule, check_loss, save
+from .schedule import Schedule, check_loss, prepare, save
 from .validate import mean_average_precision
 
 # A backbone that has learnt on ImageNet already learns on at this share of the rate.
@@ -26,17 +25,6 @@ BACKBONE_SHARE = 0.3
 WITHOUT_MOSAIC = 0.25
 # So many inputs tell the statistics of an exported network's features.
 MEASURED, BATCH = 512, 16
-
-
-def keep_memory() -> None:
-    """Has the C library keep freed memory instead of giving it back: fetching it anew costs a fifth of every step."""
-    trim_threshold, most_mappings = -1, -4  # glibc's M_TRIM_THRESHOLD and M_MMAP_MAX
-    try:
-        library = ctypes.CDLL("libc.so.6")
-        library.mallopt(trim_threshold, 2**31 - 1)
-        library.mallopt(most_mappings, 0)
-    except (OSError, AttributeError):
-        pass  # another C library: slower, but the same
 
 
 class Inputs(Dataset):
@@ -74,12 +62,12 @@ def as_input(pictures: torch.Tensor) -> torch.Tensor:
 class MovingAverage:
     """Weights averaged over the last steps; they are what is kept in the end."""
 
-    def __init__(self, network: Yolo):
+    def __init__(self, network: nn.Module):
         self.network = copy.deepcopy(network).eval()
         self.steps = 0
 
     @torch.no_grad()
-    def update(self, network: Yolo) -> None:
+    def update(self, network: nn.Module) -> None:
         """Takes in the weights after a step."""
         self.steps += 1
         decay = min(0.999, (1 + self.steps) / (10 + self.steps))
@@ -94,10 +82,7 @@ class Run:
 
     def __init__(self, options: argparse.Namespace):
         self.options, self.out = options, options.out
-        self.out.mkdir(parents=True, exist_ok=True)
-        keep_memory()
-        torch.set_num_threads(options.threads)
-        torch.manual_seed(options.seed)
+        prepare(options)
         self.names = options.classes.split(",") if options.classes else class_names(options.data / "train")
         self.network = Yolo(options.scale, len(self.names)).to(memory_format=torch.channels_last)
         self.optimiser = torch.optim.AdamW(learning_groups(self.network), lr=options.rate, betas=(0.9, 0.99), fused=True)
